@@ -198,6 +198,44 @@ def test_other_files_are_no_results(tmp_path):
         contact.load(tmp_path / "none.npz")
 
 
+def damaged(path, result, about=None, **arrays):
+    """Save a result with other arrays, or another text, in the place of some of its own."""
+    result.save(path, overwrite=True)
+    with np.load(path) as file:
+        own = {name: file[name] for name in file.files}
+    if about:
+        text = json.loads(str(own["about"]))
+        text["values"] |= about
+        own["about"] = np.array(json.dumps(text))
+    np.savez_compressed(path, **own | arrays)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"pressure": np.ones((16, 16))}, r"pressure has shape \(16, 16\), but must have"),
+        ({"pressure": np.zeros((6000, 6000))}, "pressure has shape"),
+        ({"pressure": np.full((48, 32), "a")}, "pressure is of type <U1, but must have real"),
+        ({"pressure": 1j * np.ones((48, 32))}, "pressure is of type complex128"),
+        ({"pressure": np.full((48, 32), np.nan)}, "pressure has nan, but must be finite"),
+        ({"pressure": 2.0 * PRESSED.pressure}, "the sum of its pressure is"),
+        ({"contact": PRESSED.pressure}, "contact is of type float64, but must have truth values"),
+        ({"x": PRESSED.x**3}, "not 0.0416.* mm apart"),
+        ({"about": {"approach": np.nan}}, "approach has nan"),
+        ({"about": {"shape": (32, 48)}}, "has shape"),
+    ],
+)
+def test_what_is_not_of_its_grid_is_refused(arrays, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        contact.load(damaged(tmp_path / "x.npz", PRESSED, **arrays))
+
+
+def test_what_belongs_to_no_field_is_not_read(tmp_path):
+    more = damaged(tmp_path / "x.npz", PRESSED, more=np.array([object()], dtype=object))
+    assert_same(contact.load(more), PRESSED)
+
+
 def read_vtk(path):
     """Return the image element of a file of VTK, and its cell data by their names."""
     (image,) = ElementTree.parse(path).getroot()

@@ -12,18 +12,22 @@ import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
+from math import prod
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.fields import require_whole
-from toeplitz_mg.contact.units import name_units
+from toeplitz_mg.contact.units import Quantity, name_units, quantities
 from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.whole_files import check_folder, find_status, new_whole
 
 FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
+LONGEST = 2**24  # Most bytes of the text in a file.
+ROUNDING = 1e-6  # Relative error of the places and of the sums in a file.
 
 
 def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -63,19 +67,85 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
             if isinstance(file, np.ndarray):
                 raise ValueError("it is a single array")
             with file:
-                arrays = {name: file[name] for name in file.files}
-        about = json.loads(str(arrays.pop("about", "{}")))
-        if about.get("format") != FORMAT:
-            found = (
-                f"its format is {about['format']!r}" if "format" in about else "it names no format"
-            )
-            raise ValueError(f"{found}, but must be {FORMAT!r}, as `save` of a result writes it")
-        return _compose(arrays, about, kinds)
+                return _compose(_Arrays(file), _read_about(file), kinds)
     except OSError:
         raise
     except Exception as error:  # NumPy, zip files and JSON raise many.
         said = "" if "pickle" in str(error) else f": {error}"  # NumPy advises to unpickle anything.
         raise ValueError(f"{path} is not a file of a contact result{said}") from error
+
+
+def _read_about(file: Any) -> dict[str, Any]:
+    """Return the text of a file, which says what it has."""
+    if "about" not in file.files:
+        raise ValueError(f"it names no format, but must be {FORMAT!r}, as `save` writes it")
+    size = file.zip.getinfo("about.npy").file_size
+    if size > LONGEST:
+        raise ValueError(f"its text has {size} bytes, but must have at most {LONGEST}")
+    about: dict[str, Any] = json.loads(str(file["about"]))
+    if about.get("format") != FORMAT:
+        raise ValueError(
+            f"its format is {about.get('format')!r}, but must be {FORMAT!r}, as `save` writes it"
+        )
+    return about
+
+
+class _Arrays:
+    """The arrays of a file, of which only what is asked for is read, and of the right shape.
+
+    Parameters
+    ----------
+    file : NpzFile
+    prefix : str
+        What the names of those of a part begin with.
+    """
+
+    def __init__(self, file: Any, prefix: str = "") -> None:
+        self._file, self._prefix = file, prefix
+
+    def of_part(self, name: str) -> "_Arrays":
+        """Return the arrays of a part of a result."""
+        return _Arrays(self._file, f"{self._prefix}{name}_")
+
+    def __contains__(self, name: str) -> bool:
+        return self._prefix + name in self._file.files
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an array, without reading that."""
+        return self._header(name)[0]
+
+    def read(self, name: str, quantity: Quantity, sizes: Mapping[str, tuple[int, ...]]) -> Array:
+        """Return an array, whose shape and numbers are those of a quantity."""
+        shape, dtype = self._header(name)
+        allowed = quantity.shapes(sizes)
+        if shape not in allowed:
+            raise ValueError(
+                f"{self._prefix}{name} has shape {shape}, but must have "
+                f"{' or '.join(map(str, allowed))}"
+            )
+        if dtype.kind != quantity.kind:
+            kind = {"f": "real numbers", "b": "truth values", "i": "integers"}[quantity.kind]
+            raise ValueError(f"{self._prefix}{name} is of type {dtype}, but must have {kind}")
+        array: Array = self._file[self._prefix + name]
+        _check_numbers(self._prefix + name, array, quantity)
+        return array
+
+    def _header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+        read = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
+        with self._file.zip.open(f"{self._prefix}{name}.npy") as opened:
+            shape, _, dtype = read[read_magic(opened)](opened)
+        return shape, dtype
+
+
+def _check_numbers(name: str, value: Any, quantity: Quantity) -> None:
+    """Refuse what is no number, and infinity where a quantity is always finite."""
+    values = np.asarray(value)
+    are_right = {"": np.isfinite, "inf": lambda x: x == x, "nan": np.isreal}[quantity.beyond](
+        values
+    )
+    wrong = values[np.logical_not(are_right)]
+    if wrong.size:
+        raise ValueError(f"{name} has {wrong.flat[0]}, but must be finite")
 
 
 def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -92,20 +162,63 @@ def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     return arrays, about
 
 
-def _compose(arrays: dict[str, Array], about: dict[str, Any], kinds: Mapping[str, type]) -> Any:
-    """Return what `_describe` has described."""
+def _compose(
+    arrays: _Arrays,
+    about: dict[str, Any],
+    kinds: Mapping[str, type],
+    sizes: Mapping[str, tuple[int, ...]] | None = None,
+) -> Any:
+    """Return what `_describe` has described, checked against the sizes of the grid."""
+    if about["kind"] not in kinds:
+        raise ValueError(f"its kind is {about['kind']!r}, but must be one of {', '.join(kinds)}")
+    kind = kinds[about["kind"]]
     given = {name: _thaw(value) for name, value in about["values"].items()}
+    sizes = dict(sizes or {}) | _find_sizes(arrays, given)
     for name, part in about.get("parts", {}).items():
-        own = {key: arrays.pop(key) for key in [*arrays] if key.startswith(f"{name}_")}
-        own = {key.removeprefix(f"{name}_"): x for key, x in own.items()}
-        given[name] = _compose(own, part, kinds)
+        given[name] = _compose(arrays.of_part(name), part, kinds, sizes)
+        sizes.setdefault("grid", getattr(given[name], "shape", ()))
     if "material" in about:
         given["material"] = _read_material(about["material"])
     if "x" in arrays:
-        given["centres"] = tuple(arrays.pop(name) for name in "xy" if name in arrays)
-    if about["kind"] not in kinds:
-        raise ValueError(f"its kind is {about['kind']!r}, but must be one of {', '.join(kinds)}")
-    return kinds[about["kind"]](**given, **arrays)
+        place = Quantity("mm", "axis")
+        given["centres"] = tuple(
+            arrays.read(name, place, {"axis": (n,)})
+            for name, n in zip("xy", sizes["grid"], strict=False)
+        )
+    for name, quantity in quantities(kind).items():
+        if quantity.axes and name in arrays:
+            given[name] = arrays.read(name, quantity, sizes)
+        elif given.get(name) is not None:
+            _check_numbers(name, given[name], quantity)
+    _check_sums(given)
+    return kind(**given)
+
+
+def _find_sizes(arrays: _Arrays, given: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Return the sizes of the axes that fields of a result or of a part have."""
+    sizes = {"points": arrays.shape("power")} if "power" in arrays else {}
+    if "shape" in given:
+        sizes["grid"] = given["shape"]
+    elif "x" in arrays:
+        sizes["grid"] = tuple(n for name in "xy" if name in arrays for n in arrays.shape(name))
+    if "depths" in arrays:
+        sizes["depths"] = arrays.shape("depths")
+    return sizes
+
+
+def _check_sums(given: Mapping[str, Any]) -> None:
+    """Refuse places that are not equidistant, and tractions whose sum is not the force."""
+    if "shape" not in given:
+        return
+    for x, h in zip(given["centres"], given["element"], strict=False):
+        if not np.allclose(np.diff(x), h, rtol=ROUNDING, atol=0.0):
+            raise ValueError(f"the centres of its elements are not {h} mm apart, but must be")
+    field = "traction" if "traction" in given else "pressure"
+    q, area = given[field], prod(given["element"])
+    axes = tuple(range(-len(given["shape"]), 0))
+    total, size = (area * x.sum(axis=axes) for x in (q, np.abs(q)))
+    if np.max(np.abs(total - given["force"])) > ROUNDING * np.max(size):
+        raise ValueError(f"the sum of its {field} is {total}, but its force is {given['force']}")
 
 
 def import_xarray() -> Any:

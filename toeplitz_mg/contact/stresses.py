@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import fields, plotting, saving, vtk
 from toeplitz_mg.contact.summary import Figure, Summary, list_figures, span, tabulate_figures
+from toeplitz_mg.contact.units import Quantity, name_units
 from toeplitz_mg.engine.threads import elementwise
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
@@ -40,9 +41,9 @@ class Stresses:
     """
 
     body: str
-    depths: Array
+    depths: Annotated[Array, Quantity("mm", "depths")]
     centres: tuple[Array, ...]
-    components: Array
+    components: Annotated[Array, Quantity("N/mm²", "6, depths, grid")]
 
     def __post_init__(self) -> None:
         fields.protect(self)
@@ -96,8 +97,7 @@ class Stresses:
     @property
     def units(self) -> dict[str, str]:
         """The units of the attributes, by their names."""
-        units = dict.fromkeys((*"xy"[: len(self.centres)], "depths"), "mm")
-        return units | {"components": "N/mm²"}
+        return name_units(self)
 
     def fields(self) -> Iterator[tuple[str, Array]]:
         """Yield the names of the stresses that `plot` draws, and their values, N/mm²."""

@@ -95,11 +95,11 @@ class HertzContact:
         units = units_of(axes)  # Line contact is in plane strain.
         kind, name = ("line", "half width") if len(axes) == 1 else ("point", "half axes")
         figures = [
-            Figure("force", self.force, units.force),
+            Figure("force", self.force, units["force"]),
             Figure("approach", self.approach, "mm"),
-            Figure("stiffness", self.stiffness, units.stiffness),
+            Figure("stiffness", self.stiffness, units["stiffness"]),
             Figure(name, axes, "mm"),
-            Figure("contact", self.area, units.area),
+            Figure("contact", self.area, units["area"]),
             Figure("mean pressure", self.mean_pressure, "N/mm²"),
             Figure("largest pressure", self.max_pressure, "N/mm²"),
         ]

@@ -1,45 +1,71 @@
-"""The units of what results of contact problems have, in N and mm."""
+"""What results of contact problems consist of: the unit and the axes of each quantity."""
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
-
-class Units(NamedTuple):
-    """The units of what is summed over the contact."""
-
-    force: str
-    area: str
-    energy: str
-    stiffness: str
+import numpy as np
 
 
-def units_of(element: Sequence[float]) -> Units:
-    """Return the units on elements of this size: in plane strain, of one, per mm of length."""
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of a result, as the annotation of its field declares it.
+
+    Parameters
+    ----------
+    unit : str
+        The unit, "1" of plain numbers, or the name of one that depends on the result (`units_of`).
+    axes : str
+        The axes of an array, as in "2, grid", or more than one such list with "|" between them; a
+        number without.
+    kind : str
+        "f" of real numbers, "b" of truth values, "i" of integers, as in the `kind` of a dtype.
+    beyond : str
+        What it may be beside a number: "inf" where infinity is a value, "nan" where NaN is too.
+    """
+
+    unit: str
+    axes: str = ""
+    kind: str = "f"
+    beyond: str = ""
+
+    def shapes(self, sizes: Mapping[str, tuple[int, ...]]) -> list[tuple[int, ...]]:
+        """Return the shapes that an array may have, where axes have these sizes."""
+        alternatives = [[axis.strip() for axis in one.split(",")] for one in self.axes.split("|")]
+        return [
+            sum((sizes[axis] if axis in sizes else (int(axis),) for axis in axes), ())
+            for axes in alternatives
+        ]
+
+
+def quantities(kind: type) -> dict[str, Quantity]:
+    """Return what a class of results declares, by the names of the fields."""
+    declared = {field.name: getattr(field.type, "__metadata__", ()) for field in fields(kind)}
+    return {name: found[0] for name, found in declared.items() if found}
+
+
+def units_of(element: Sequence[float], *, rolls: bool = False) -> dict[str, str]:
+    """Return the units that depend on the problem, by the names that quantities have for them.
+
+    In plane strain, on elements of one size, they are per mm of length; in rolling they are over
+    the distance rolled.
+    """
+    force, area, energy, stiffness = "N", "mm²", "N mm", "N/mm"
     if len(element) == 1:
-        return Units("N/mm", "mm", "N", "N/mm²")
-    return Units("N", "mm²", "N mm", "N/mm")
+        force, area, energy, stiffness = "N/mm", "mm", "N", "N/mm²"
+    units = {"force": force, "area": area, "energy": energy, "stiffness": stiffness}
+    return units | ({"slip": "1", "loss": force} if rolls else {"slip": "mm", "loss": energy})
 
 
 def name_units(result: Any) -> dict[str, str]:
     """Return the units of the attributes of a result, by their names: "1" of plain numbers."""
-    units = units_of(result.element)
-    is_rolling = result.stick is not None and result.creepages is not None
-    names = (
-        ("N/mm²", "pressure traction bound max_pressure"),
-        ("mm", "element centres x y displacement gap plastic approach shift total_shift"),
-        (units.area, "area stick_area"),
-        (units.force, "force"),
-        (units.energy, "energy"),
-        (units.stiffness, "stiffness"),
-        ("N mm", "moment"),
-        ("1", "contact stick"),
-    )
-    found = {name: unit for unit, several in names for name in several.split()}
-    # Of rolling they are over the distance rolled; the third of the creepages is in 1/mm.
-    found["slip"] = "1" if is_rolling else "mm"
-    found["power"] = units.force if is_rolling else units.energy
-    found["creepages"] = "1" if len(result.shape) == 1 else "1, 1, 1/mm"
-    # What is computed on demand is not asked for here.
-    there = {name for name, value in vars(result).items() if value is not None}
-    there |= {*"xy"[: len(result.shape)]}
-    return {name: unit for name, unit in found.items() if name in there}
+    own, declared = vars(result), quantities(type(result))
+    creepages = own.get("creepages")  # What is computed on demand is not asked for here.
+    units = units_of(own.get("element", ()), rolls=creepages is not None)
+    if creepages is not None:
+        of_points = declared["creepages"].axes.startswith("points")
+        units["creepages"] = "1, 1, 1/mm" if np.ndim(creepages) > of_points else "1"
+    there = {name: q.unit for name, q in declared.items() if own[name] is not None}
+    named = {name: units.get(unit, unit) for name, unit in there.items() if unit}
+    axes = "xy"[: len(own.get("centres", ()))]
+    return named | dict.fromkeys((*axes, "centres") if axes else (), "mm")

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import fields, plotting, saving, vtk
@@ -16,7 +16,7 @@ from toeplitz_mg.contact.summary import (
     shorten,
     tabulate_figures,
 )
-from toeplitz_mg.contact.units import units_of
+from toeplitz_mg.contact.units import Quantity, units_of
 from toeplitz_mg.halfspace import CombinedMaterial
 
 
@@ -106,21 +106,21 @@ class NormalResult:
 
     material: CombinedMaterial
     shape: tuple[int, ...]
-    element: tuple[float, ...]
+    element: Annotated[tuple[float, ...], Quantity("mm")]
     centres: tuple[Array, ...]
-    pressure: Array
-    displacement: Array
-    gap: Array
-    contact: Array
-    area: float
-    force: float
-    approach: float
-    max_pressure: float
-    energy: float
+    pressure: Annotated[Array, Quantity("N/mm²", "grid")]
+    displacement: Annotated[Array, Quantity("mm", "grid")]
+    gap: Annotated[Array, Quantity("mm", "grid", beyond="inf")]
+    contact: Annotated[Array, Quantity("1", "grid", "b")]
+    area: Annotated[float, Quantity("area")]
+    force: Annotated[float, Quantity("force")]
+    approach: Annotated[float, Quantity("mm")]
+    max_pressure: Annotated[float, Quantity("N/mm²")]
+    energy: Annotated[float, Quantity("energy")]
     touches_edge: bool
     periodic: tuple[bool, ...] = ()
-    plastic: Array | None = None
-    stiffness: OnDemand = OnDemand()
+    plastic: Annotated[Array | None, Quantity("mm", "grid")] = None
+    stiffness: Annotated[OnDemand, Quantity("stiffness")] = OnDemand()
     products: int = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
@@ -198,7 +198,7 @@ class NormalResult:
         # On several ranks all have to ask for the stiffness.
         stiffness = self.stiffness if fields.is_whole(self) else None
         if stiffness is not None:
-            figures.insert(2, Figure("stiffness", stiffness, units_of(self.element).stiffness))
+            figures.insert(2, Figure("stiffness", stiffness, units_of(self.element)["stiffness"]))
         cost = describe_cost(self.products, self.residual)
         return Summary(title, figures, cost, self.warnings)
 
@@ -213,13 +213,13 @@ class NormalResult:
     def _figures(self) -> list[Figure]:
         units = units_of(self.element)
         figures = [
-            Figure("force", self.force, units.force),
+            Figure("force", self.force, units["force"]),
             Figure("approach", self.approach, "mm"),
-            Figure("contact", self.area, units.area),
+            Figure("contact", self.area, units["area"]),
             Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
             Figure("mean pressure", self.mean_pressure, "N/mm²"),
             Figure("largest pressure", self.max_pressure, "N/mm²"),
             Figure("yields", self._yields),
-            Figure(ENERGY, self.energy, units.energy),
+            Figure(ENERGY, self.energy, units["energy"]),
         ]
         return [figure for figure in figures if figure.value is not None]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,7 @@ from toeplitz_mg.contact.summary import (
 )
 from toeplitz_mg.contact.tangential.motion import CREEPAGES
 from toeplitz_mg.contact.tangential.rolling import rolling
-from toeplitz_mg.contact.units import Units, units_of
+from toeplitz_mg.contact.units import Quantity, name_units
 from toeplitz_mg.values import field
 
 
@@ -50,12 +50,12 @@ class CreepCurve:
     creep_curve : makes it.
     """
 
-    creepages: Array
-    force: Array
-    moment: Array | None
-    power: Array
-    stick_share: Array
-    products: Array
+    creepages: Annotated[Array, Quantity("creepages", "points | points, 3", beyond="nan")]
+    force: Annotated[Array, Quantity("force", "points | points, 2")]
+    moment: Annotated[Array | None, Quantity("N mm", "points")]
+    power: Annotated[Array, Quantity("loss", "points")]
+    stick_share: Annotated[Array, Quantity("1", "points")]
+    products: Annotated[Array, Quantity("", "points", "i")]
     element: tuple[float, ...]
 
     def __post_init__(self) -> None:
@@ -72,10 +72,7 @@ class CreepCurve:
     @property
     def units(self) -> dict[str, str]:
         """The units of the attributes, by their names."""
-        creepages = "1" if self.creepages.ndim == 1 else "1, 1, 1/mm"
-        moment = {} if self.moment is None else {"moment": "N mm"}
-        force = dict.fromkeys(("force", "power"), self._units.force)
-        return {"creepages": creepages, "stick_share": "1"} | force | moment
+        return name_units(self)
 
     save = saving.save
 
@@ -102,7 +99,7 @@ class CreepCurve:
         for name, values in zip("xy", np.atleast_2d(self.force.T), strict=False):
             ax.plot(points[over], values, "o-", label=f"along {name}")
         label = ("longitudinal creepage", "lateral creepage", "spin [1/mm]")[over]
-        ax.set(xlabel=label, ylabel=f"force [{self._units.force}]")
+        ax.set(xlabel=label, ylabel=f"force [{self.units['force']}]")
         ax.ticklabel_format(axis="x", scilimits=(-2, 3))
         ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         ax.legend()
@@ -113,22 +110,18 @@ class CreepCurve:
         return Summary(title, self._figures(), self._cost)
 
     def _figures(self) -> list[Figure]:
-        units, creepages, spin = self._units, self.creepages, None
+        units, creepages, spin = self.units, self.creepages, None
         if creepages.ndim > 1:
             creepages, spin = creepages[:, :2], creepages[:, 2]
         columns = (
             ("creepages", creepages, ""),
-            ("force", self.force, units.force),
+            ("force", self.force, units["force"]),
             ("spin", spin if np.any(spin) else None, "1/mm"),
             ("moment", self.moment, "N mm"),
-            ("power over speed", self.power, units.force),
+            ("power over speed", self.power, units["power"]),
             ("share that sticks", 100.0 * self.stick_share, "%"),
         )
         return [span(name, x, unit) for name, x, unit in columns if x is not None]
-
-    @property
-    def _units(self) -> Units:
-        return units_of(self.element)
 
     @property
     def _cost(self) -> str:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import prod
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from toeplitz_mg.contact.summary import (
     shorten,
     tabulate_figures,
 )
-from toeplitz_mg.contact.units import units_of
+from toeplitz_mg.contact.units import Quantity, units_of
 from toeplitz_mg.halfspace import CombinedMaterial
+
+VECTORS = "grid | 2, grid"  # The axes of what has a direction, along x alone or along both axes.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -114,25 +116,25 @@ class TangentialResult:
 
     material: CombinedMaterial
     shape: tuple[int, ...]
-    element: tuple[float, ...]
+    element: Annotated[tuple[float, ...], Quantity("mm")]
     centres: tuple[Array, ...]
-    traction: Array
-    displacement: Array
-    slip: Array
-    bound: Array
-    contact: Array
-    stick: Array
-    area: float
-    stick_area: float
-    force: Any
-    energy: float
+    traction: Annotated[Array, Quantity("N/mm²", VECTORS)]
+    displacement: Annotated[Array, Quantity("mm", VECTORS)]
+    slip: Annotated[Array, Quantity("slip", VECTORS)]
+    bound: Annotated[Array, Quantity("N/mm²", "grid", beyond="inf")]
+    contact: Annotated[Array, Quantity("1", "grid", "b")]
+    stick: Annotated[Array, Quantity("1", "grid", "b")]
+    area: Annotated[float, Quantity("area")]
+    stick_area: Annotated[float, Quantity("area")]
+    force: Annotated[Any, Quantity("force", "2")]
+    energy: Annotated[float, Quantity("energy")]
     touches_edge: bool
     periodic: tuple[bool, ...] = ()
-    shift: Any = None
-    total_shift: Any = None
-    creepages: Any = None
-    moment: float | None = None
-    power: float = 0.0
+    shift: Annotated[Any, Quantity("mm", f"2 | {VECTORS}")] = None
+    total_shift: Annotated[Any, Quantity("mm", f"2 | {VECTORS}")] = None
+    creepages: Annotated[Any, Quantity("creepages", "3", beyond="nan")] = None
+    moment: Annotated[float | None, Quantity("N mm")] = None
+    power: Annotated[float, Quantity("loss")] = 0.0
     products: int = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
@@ -206,8 +208,8 @@ class TangentialResult:
         return Summary(title, self._figures(), cost, self.warnings)
 
     def _figures(self) -> list[Figure]:
-        units = units_of(self.element)
         is_rolling = self.creepages is not None
+        units = units_of(self.element, rolls=is_rolling)
         creepages, spin = self.creepages, None
         if is_rolling and np.size(creepages) == 3:
             *creepages, spin = creepages
@@ -217,19 +219,17 @@ class TangentialResult:
         moment = 0.0 if abs(self.moment or 0.0) <= NOTHING * largest else self.moment
         lost = (
             Figure("moment", None if self.moment is None else moment, "N mm"),
-            Figure("power over speed", self.power, units.force)
-            if is_rolling
-            else Figure("work of slip", self.power, units.energy),
+            Figure("power over speed" if is_rolling else "work of slip", self.power, units["loss"]),
         )
         figures = [
-            Figure("force", self.force, units.force),
+            Figure("force", self.force, units["force"]),
             Figure("creepages", creepages),
             Figure("spin", spin, "1/mm"),
             Figure("shift", "a field" if np.size(self.shift) > 2 else self.shift, "mm"),
             *(lost if is_rolling else ()),
-            Figure("contact", self.area, units.area),
-            Figure("of which sticks", self.stick_area, units.area),
+            Figure("contact", self.area, units["area"]),
+            Figure("of which sticks", self.stick_area, units["area"]),
             *(() if is_rolling else lost),
-            Figure(ENERGY, self.energy, units.energy),
+            Figure(ENERGY, self.energy, units["energy"]),
         ]
         return [figure for figure in figures if figure.value is not None]

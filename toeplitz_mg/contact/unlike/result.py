@@ -2,23 +2,23 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import fields, plotting, saving, vtk
 from toeplitz_mg.contact.normal.result import NormalResult
 from toeplitz_mg.contact.summary import ENERGY, Figure, Summary
 from toeplitz_mg.contact.tangential.result import TangentialResult
-from toeplitz_mg.contact.units import units_of
+from toeplitz_mg.contact.units import Quantity, units_of
 
 
 @dataclass(frozen=True, eq=False)
 class Before:
     """Tractions before a step, with the force and the approach that pressed."""
 
-    traction: Array
-    force: float
-    approach: float
+    traction: Annotated[Array, Quantity("N/mm²", "3, grid | 2, grid")]
+    force: Annotated[float, Quantity("force")]
+    approach: Annotated[float, Quantity("mm")]
 
     def __post_init__(self) -> None:
         fields.protect(self)
@@ -120,5 +120,5 @@ class FrictionalResult:
         for part in (self.normal, self.tangential):
             summary = part._summary()
             yield summary._replace(figures=[x for x in summary.figures if x.name != ENERGY])
-        energy = Figure(ENERGY, self.energy, units_of(self.normal.element).energy)
+        energy = Figure(ENERGY, self.energy, units_of(self.normal.element)["energy"])
         yield Summary("Both together", [energy])
