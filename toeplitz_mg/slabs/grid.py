@@ -40,7 +40,7 @@ class SlabGrid:
     slab : Slab
     """
 
-    is_kept = is_short = False
+    is_kept = is_short = is_line = False
 
     def __init__(self, whole: Grid, slab: Slab) -> None:
         self.whole, self.slab, self.vectors, self.agree = whole, slab, slab.vectors, slab.agree
