@@ -18,8 +18,8 @@ import toeplitz_mg as tmg
 from tests.cases import CASES, dense_of_kernel
 from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.multilevel import MultilevelProduct
-from toeplitz_mg.engine.one_thread import BLOCK, factorise, multiply
 from toeplitz_mg.engine.products import ToeplitzProduct
+from toeplitz_mg.engine.small_matrices import BLOCK, factorise, multiply
 from toeplitz_mg.operators.coefficients import Coefficients
 
 LENGTHS = [100, 1000, 40000]  # By the matrix, by one transform, by one in panels.

@@ -15,7 +15,7 @@ import pytest
 import scipy.fft
 
 from toeplitz_mg.engine import threads
-from toeplitz_mg.engine.backends import chosen_backends
+from toeplitz_mg.engine.threads import chosen_backends
 
 WORKERS = 1, 2, 3
 LARGE = 8 * threads.WORTH_THREADS  # Numbers of a loop that all threads share.

@@ -16,10 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from toeplitz_mg.engine.row_sums import PART, row_dots, rows_of
 from toeplitz_mg.engine.threads import WORTH_THREADS
 from toeplitz_mg.engine.vectors import (
-    ALONE,
+    PART,
+    VECTORS,
     Vectors,
     add_combination,
     axpy,
@@ -29,6 +29,7 @@ from toeplitz_mg.engine.vectors import (
     dots,
     norm,
 )
+from toeplitz_mg.slabs.row_vectors import RowVectors, row_dots, rows_of
 
 SHAPES = [(1,), (3, 4, 5), (PART,), (PART + 1,), (2, PART, 3)]
 DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
@@ -54,8 +55,8 @@ def test_sums_over_all_parts(shape, dtype):
     assert_allclose(dots(X, X[2]), flat.conj() @ flat[2], rtol=rtol)
     assert dots(X, X[2]).dtype == double
     assert_allclose(norm(X[0]), np.linalg.norm(flat[0]), rtol=rtol)
-    assert ALONE.dot(X[0], X[1]) == dot(X[0], X[1])
-    assert ALONE.norm(X[0]) == norm(X[0])
+    assert VECTORS.dot(X[0], X[1]) == dot(X[0], X[1])
+    assert VECTORS.norm(X[0]) == norm(X[0])
     weights = np.arange(3.0) if double == np.float64 else np.array([0.0, 1.0, 2.0j])
     expected = X[1] + X.dtype.type(weights[2]) * X[2]
     assert_allclose(combine(weights, X), expected, rtol=rtol)
@@ -118,12 +119,12 @@ def test_long_vectors_are_updated_and_reduced_as_numpy_does(shape, dtype):
         for k in (0, -1):
             spike = np.abs(x)
             spike.reshape(-1)[k] = 99.0
-            assert ALONE.max(spike) == 99.0 == -ALONE.min(-spike)
-            assert ALONE.peak(-spike) == 99.0
-            assert ALONE.count(spike > 98.0) == 1
-            assert_allclose(ALONE.sum(spike), spike.sum(dtype=np.float64), rtol=1e-4)
-        assert ALONE.min(1.0 + np.abs(x)) >= 1.0
-        assert ALONE.max(-1.0 - np.abs(x)) <= -1.0
+            assert VECTORS.max(spike) == 99.0 == -VECTORS.min(-spike)
+            assert VECTORS.peak(-spike) == 99.0
+            assert VECTORS.count(spike > 98.0) == 1
+            assert_allclose(VECTORS.sum(spike), spike.sum(dtype=np.float64), rtol=1e-4)
+        assert VECTORS.min(1.0 + np.abs(x)) >= 1.0
+        assert VECTORS.max(-1.0 - np.abs(x)) <= -1.0
 
 
 @pytest.mark.parametrize("n", [5, PART + 5, WORTH_THREADS])
@@ -188,7 +189,8 @@ def test_two_processes_find_the_numbers_of_the_whole_vectors(dtype, cut):
 @pytest.mark.parametrize("size", [5, 2 * WORTH_THREADS])
 def test_a_number_that_is_none_is_the_least_and_the_largest_of_all(size, workers):
     """Wherever it is, and whichever process has it."""
-    for of in (ALONE, Vectors(lambda number: [number, 1.0]), Vectors(lambda number: [1.0, number])):
+    first, second = Vectors(lambda number: [number, 1.0]), Vectors(lambda number: [1.0, number])
+    for of in (VECTORS, first, second):
         for k in (0, size - 1):
             x = np.random.default_rng(0).standard_normal(size)
             x[k] = np.nan
@@ -220,8 +222,12 @@ class Told(Exception):
     """A process would wait here for what others gather."""
 
 
-def dot_on_processes(shares, near=0.0):
-    """Inner products by `Vectors` of each process, and what they have gathered until then."""
+def dot_alone(x, y, rows):
+    return RowVectors(lambda number: [number], rows).dot(x, y)
+
+
+def dot_on_processes(shares):
+    """Inner products by `RowVectors` of each process."""
     rounds = []
 
     def replay(number):
@@ -235,11 +241,11 @@ def dot_on_processes(shares, near=0.0):
         for (x, y), rows in shares:
             said = []
             try:
-                results.append(Vectors(replay, rows).dot_near(x, y, near))
+                results.append(RowVectors(replay, rows).dot(x, y))
             except Told as number:
                 told.append(*number.args)
         if results:
-            return results, rounds
+            return results
         rounds.append(told)
 
 
@@ -252,37 +258,12 @@ def test_inner_products_by_rows_are_the_same_bits_on_all_processes(shape, share,
     fields = rng.standard_normal((2, *shape)) * 10.0 ** rng.integers(-9, 9, (2, *shape))
     mask = rng.random(shape) < share
     (x, y), rows = share_of_rows(fields, mask, slice(None))
-    alone = Vectors(None, rows).dot(x, y)
+    alone = dot_alone(x, y, rows)
     sums = map(Fraction, row_dots(x, y, rows).tolist())
     assert alone == float(sum(sums))  # That of the rows is exact, and rounded once.
     ends = [0, *sorted(min(k, shape[0]) for k in cuts), shape[0]]
     parts = [share_of_rows(fields, mask, slice(*cut)) for cut in pairwise(ends)]
-    assert set(dot_on_processes(parts)[0]) == {alone}
-
-
-@pytest.mark.parametrize("share", [0.02, 0.6, 1.0])
-@given(
-    cuts=st.lists(st.integers(0, 20), max_size=3),
-    size=st.floats(-300.0, 300.0),
-    dtype=st.sampled_from([np.float32, np.float64]),
-)
-def test_inner_products_about_another_are_the_same_bits_too(share, cuts, size, dtype):
-    """Also where they are not about it; where they are, each process tells one number."""
-    rng = np.random.default_rng(0)
-    fields = rng.standard_normal((2, 20, 100)).astype(dtype)
-    mask = rng.random(fields.shape[1:]) < share
-    (x, y), rows = share_of_rows(fields, mask, slice(None))
-    ends = [0, *sorted(cuts), 20]
-    parts = [share_of_rows(fields, mask, slice(*cut)) for cut in pairwise(ends)]
-    sums = float(np.abs(row_dots(x, y, rows)).sum())
-    for near in (sums, sums / 8.0, sums * 10.0**size):
-        alone = Vectors(None, rows).dot_near(x, y, near)
-        found, rounds = dot_on_processes(parts, near)
-        assert set(found) == {alone}
-        assert_allclose(alone, Vectors(None, rows).dot(x, y), rtol=1e-15, atol=1e-15 * near)
-        if sums / 8.0 <= near <= 1e290:
-            assert {type(number) for number in np.ravel(rounds).tolist()} == {int}
-            assert len(rounds) == 1
+    assert set(dot_on_processes(parts)) == {alone}
 
 
 def test_inner_products_by_rows():
@@ -292,7 +273,7 @@ def test_inner_products_by_rows():
         (x, y), rows = share_of_rows(fields, own, slice(None))
         for dtype, rtol in ((np.float64, 1e-14), (np.float32, 1e-6)):
             expected = sum(map(Fraction, (x * y).tolist()))
-            found = Vectors(None, rows).dot(x.astype(dtype), y.astype(dtype))
+            found = dot_alone(x.astype(dtype), y.astype(dtype), rows)
             assert_allclose(found, float(expected), rtol=rtol)
 
 
@@ -313,6 +294,4 @@ def test_inner_products_by_rows_that_are_not_finite(size, share):
     with np.errstate(over="ignore", invalid="ignore"):
         parts = [share_of_rows(fields, mask, slice(*cut)) for cut in ((0, 3), (3, 9))]
         (x, y), rows = share_of_rows(fields, mask, slice(None))
-        for near in (0.0, 1.0):
-            found, _ = dot_on_processes(parts, near)
-            assert not np.isfinite([Vectors(None, rows).dot_near(x, y, near), *found]).any()
+        assert not np.isfinite([dot_alone(x, y, rows), *dot_on_processes(parts)]).any()

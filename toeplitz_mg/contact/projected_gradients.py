@@ -4,7 +4,7 @@ from collections.abc import Callable
 from math import sqrt
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import ALONE, Vectors
+from toeplitz_mg.engine.vectors import VECTORS, Vectors
 
 
 def descend(
@@ -14,7 +14,7 @@ def descend(
     project: Callable[[Array], Array],
     norm_bound: float,
     products: int,
-    vectors: Vectors = ALONE,
+    vectors: Vectors = VECTORS,
 ) -> tuple[Array, Array]:
     """Lower the energy ½ x·Ax - b·x within a convex set, by Nesterov's method.
 

@@ -24,7 +24,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.circulants import Circulants, find_causal_factor, find_spectrum
-from toeplitz_mg.engine.vectors import ALONE, Vectors
+from toeplitz_mg.engine.vectors import VECTORS, Vectors
 from toeplitz_mg.operators import CoupledOperator
 
 # Additions to the matrix whose inverses are interpolated, over its diagonal.
@@ -70,7 +70,7 @@ class ShiftedInverses:
         causal: list[Array],
         diagonal: float,
         additions: Array = ADDITIONS,
-        vectors: Vectors = ALONE,
+        vectors: Vectors = VECTORS,
     ) -> None:
         self._circulants, self.dtype, self.diagonal = circulants, circulants.dtype, diagonal
         self._additions, self._vectors = additions, vectors

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.vectors import ALONE
+from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_work
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 
@@ -39,7 +39,7 @@ class SteadyArray:
         In double precision.
     """
 
-    vectors = ALONE
+    vectors = VECTORS
 
     def __init__(self, K: Any, contact: Array) -> None:
         m = K.shape[0] // contact.size

@@ -5,8 +5,7 @@ from math import inf
 import numpy as np
 
 from toeplitz_mg._typing import Array, Multiply
-from toeplitz_mg.engine.powers import power_above
-from toeplitz_mg.engine.vectors import ALONE, Vectors
+from toeplitz_mg.engine.vectors import VECTORS, Vectors, power_above
 
 SMALL, LARGE = 1e-100, 1e100  # Inner products of which no square, quotient or sum is none.
 
@@ -54,7 +53,7 @@ class ConjugateGradients:
     """
 
     def __init__(
-        self, multiply: Multiply, precondition: Multiply, vectors: Vectors = ALONE
+        self, multiply: Multiply, precondition: Multiply, vectors: Vectors = VECTORS
     ) -> None:
         self._multiply, self._precondition = multiply, precondition
         self._vectors = vectors
@@ -82,14 +81,14 @@ class ConjugateGradients:
         z = self._precondition(r, self.product)
         if self._scale != 1.0:
             z = z * self._scale
-        self.rho, previous = self._vectors.dot_near(r, z, self.rho), self.rho
+        self.rho, previous = self._vectors.dot(r, z), self.rho
         if is_first and not SMALL < abs(self.rho) < LARGE:
             # M is far from the size of 1: that changes no direction, but what squares would do.
             peak = self._vectors.peak(z)
             if 0.0 < peak < inf:
                 self._scale = 2.0 ** -int(power_above(peak))
                 z = z * self._scale
-                self.rho = self._vectors.dot_near(r, z, 0.0)
+                self.rho = self._vectors.dot(r, z)
         if not 0.0 < self.rho < inf:
             return 0.0
         if is_first:
@@ -98,5 +97,5 @@ class ConjugateGradients:
             self.direction = self._vectors.aypx(self.rho / previous, z, self.direction)
         del z  # Vectors that cannot be changed take memory for it, which the product may have.
         self.product = self._multiply(self.direction, self.product)
-        self.curvature = self._vectors.dot_near(self.direction, self.product, self.curvature)
+        self.curvature = self._vectors.dot(self.direction, self.product)
         return self.rho / self.curvature if 0.0 < self.curvature < inf else 0.0

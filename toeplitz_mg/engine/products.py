@@ -14,9 +14,9 @@ from scipy.linalg.blas import idamax, izamax
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.panels import Panels
-from toeplitz_mg.engine.powers import power_above
 from toeplitz_mg.engine.threads import keep_bits, share_rows
 from toeplitz_mg.engine.transforms import OneStep, in_batches, plan_of
+from toeplitz_mg.engine.vectors import power_above
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked

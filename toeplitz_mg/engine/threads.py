@@ -17,7 +17,9 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.backends import chosen_backends
+
+# What hands on the backends of `scipy.fft` is no public name of SciPy's: no other file knows of it.
+uarray: Any = getattr(getattr(fft, "_backend", None), "ua", None)
 
 Work = Callable[[range], None]  # Does the parts that have these numbers.
 
@@ -91,6 +93,18 @@ def share(work: Work, count: int, points: int) -> None:
         task.clear()
     for other in others:
         other.result()
+
+
+def chosen_backends() -> Callable[[], AbstractContextManager[None]] | None:
+    """Return what makes a context in which any thread has the backends of `scipy.fft` of this one.
+
+    ``scipy.fft.set_backend`` sets one in the thread that calls it. It is None where this SciPy
+    hands them on by other names: then no thread may do what another was asked for.
+    """
+    try:
+        return partial(uarray.set_state, uarray.get_state())
+    except AttributeError:
+        return None
 
 
 def keep_bits(dtype: DTypeLike, lines: int = 1) -> AbstractContextManager[None]:

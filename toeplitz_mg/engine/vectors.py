@@ -9,8 +9,7 @@ A vector may be a field of any shape, real or complex. The sums of its parts are
 precision.
 
 The functions are for vectors that this process has. `Vectors` has them as methods, for vectors of
-which each of several processes has a part: iterations take their inner products from there. Those
-of fields of several axes are the same bits then, whoever has which rows (see `row_sums`).
+which each of several processes has a part: iterations take their inner products from there.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,27 +22,17 @@ from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.row_sums import (
-    AT_ONCE,
-    PART,
-    TOO_MANY,
-    RowsOf,
-    add_exactly,
-    count_grains,
-    grain_near,
-    round_to,
-    row_dots,
-)
 from toeplitz_mg.engine.threads import (
     PIECE,
     WORTH_THREADS,
     elementwise,
     share,
-    share_rows,
     share_slices,
 )
 from toeplitz_mg.engine.workspace import workspace
 
+PART = 2**13  # Most numbers of a piece: OpenBLAS shares a vector of more than 10,000 among threads.
+AT_ONCE = 2**17  # Numbers up to which pieces take longer to begin than the cache saves.
 REDUCED = 2**18  # Numbers of a field that a thread reduces to one at once.
 
 # From a number, or an array of them, to those of all processes, in the same order in each of them.
@@ -60,15 +49,7 @@ def dot(x: Array, y: Array) -> float:
 def dots(X: Array, y: Array) -> Array:
     """Return the inner products of the vectors along the first axis of X with another.
 
-    Parameters
-    ----------
-    X : ndarray of shape (k, ...)
-        The complex conjugates of its entries are taken.
-    y : ndarray of shape (...), of the dtype of `X`
-
-    Returns
-    -------
-    ndarray of shape (k,), float64 or complex128
+    The complex conjugates of X are taken, and the results are in double precision.
     """
     if y.ndim == 1 and y.size <= PART and X.dtype.char in "dD":
         return np.vecdot(X, y)  # In a small system each call more is a part of the time.
@@ -94,16 +75,7 @@ def dots(X: Array, y: Array) -> Array:
 
 
 def gram(X: Array) -> Array:
-    """Return the inner products of the real vectors along the first axis of X with each other.
-
-    Parameters
-    ----------
-    X : ndarray of shape (k, ...)
-
-    Returns
-    -------
-    ndarray of shape (k, k), float64
-    """
+    """Return the inner products of the real vectors along the first axis of X with each other."""
     if X[0].size <= PART:
         rows = X.reshape(len(X), -1)
         return np.vecdot(rows[:, None], rows).astype(np.float64)
@@ -120,96 +92,56 @@ def norm(x: Array) -> float:
     nrm2 = _blas("nrm2", x.dtype.char)
     if x.size <= PART:
         return float(nrm2(x)) if x.size else 0.0
-    if x.size >= WORTH_THREADS:
-        limits = np.finfo(x.dtype)
-        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-            square = dot(x, x)
-        # Squares that underflow are lost in the rounding of such a sum.
-        if x.size * float(limits.tiny) / float(limits.eps) < square < inf:
-            return sqrt(square)
+    limits = np.finfo(x.dtype)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        square = dot(x, x)
+    # Squares that underflow are lost in the rounding of such a sum.
+    if x.size * float(limits.tiny) / float(limits.eps) < square < inf:
+        return sqrt(square)
     return hypot(*(nrm2(x[k : k + PART]) for k in range(0, x.size, PART)))
 
 
 def axpy(a: complex, x: Array, y: Array) -> Array:
-    """Add a x to y, in place, and return y.
-
-    Parameters
-    ----------
-    a : float or complex
-    x : ndarray
-    y : ndarray of the shape and the dtype of `x`
-        It is changed, and must be C-contiguous.
-    """
-    _require_contiguous(y)
+    """Add a x to y, which is C-contiguous and of the dtype of x, in place, and return y."""
     a = y.dtype.type(a)
-    if y.size <= AT_ONCE:
-        y += a * x
-        return y
-    # BLAS rounds the last few numbers otherwise on some processors, and so those of some ranks.
-    x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
 
-    def work(piece: slice) -> None:
-        product = workspace((y_line[piece].size,), y.dtype)
-        np.multiply(x_line[piece], a, out=product)
-        y_line[piece] += product
+    def add(x: Array, y: Array) -> None:
+        # BLAS rounds the last few numbers otherwise on some processors, and so those of some ranks.
+        y += x * a if y.size <= PART else np.multiply(x, a, out=workspace(y.shape, y.dtype))
 
-    share_slices(work, y.size, PIECE, y.size)
-    return y
+    return _update(add, x, y)
 
 
 def aypx(a: complex, x: Array, y: Array) -> Array:
-    """Multiply y by a and add x, in place, and return y.
+    """Multiply y by a and add x, in place, and return y, as `axpy` does."""
 
-    Parameters
-    ----------
-    a : float or complex
-    x : ndarray
-    y : ndarray of the shape and the dtype of `x`
-        It is changed, and must be C-contiguous.
-    """
-    _require_contiguous(y)
-    if y.size < WORTH_THREADS:
+    def scale_and_add(x: Array, y: Array) -> None:
         y *= a
         y += x
+
+    return _update(scale_and_add, x, y)
+
+
+def _update(change: Callable[[Array, Array], None], x: Array, y: Array) -> Array:
+    """Change y by x, of a long one piece by piece, and return it."""
+    _require_contiguous(y)
+    if y.size <= AT_ONCE:
+        change(x, y)
         return y
-    x_line, y_line = (x.reshape(-1), y.reshape(-1)) if y.ndim > 1 else (x, y)
-
-    def work(piece: slice) -> None:
-        part = y_line[piece]
-        part *= a
-        part += x_line[piece]
-
-    share_rows(work, y_line)
+    x_line, y_line = x.reshape(-1), y.reshape(-1)
+    share_slices(lambda piece: change(x_line[piece], y_line[piece]), y.size, PIECE, y.size)
     return y
 
 
 def combine(weights: Array, X: Array) -> Array:
-    """Return the sum of the vectors along the first axis of X with these weights.
-
-    Parameters
-    ----------
-    weights : ndarray of shape (k,)
-    X : ndarray of shape (k, ...)
-
-    Returns
-    -------
-    ndarray of shape (...), of the dtype of `X`
-    """
+    """Return the sum of the vectors along the first axis of X with these weights, in its dtype."""
     total = np.zeros(X.shape[1:], X.dtype)
     add_combination(weights, X, total)
     return total
 
 
 def add_combination(weights: Array, X: Array, y: Array) -> None:
-    """Add the sum of the vectors along the first axis of X with these weights to y, in place.
-
-    Parameters
-    ----------
-    weights : ndarray of shape (k,)
-    X : ndarray of shape (k, ...)
-    y : ndarray of shape (...), of the dtype of `X`
-        It is changed, and must be C-contiguous.
-    """
+    """Add the sum of the vectors along the first axis of X with these weights to y, as `axpy`."""
     _require_contiguous(y)
     rows, y = X.reshape(len(X), y.size), y.reshape(-1)
     if y.size <= PART and y.dtype.kind == "f" and len(X) > 2:
@@ -233,6 +165,15 @@ def add_combination(weights: Array, X: Array, y: Array) -> None:
 def _require_contiguous(y: Array) -> None:
     if not y.flags.c_contiguous:
         raise ValueError("y is not C-contiguous, but is to be changed in place")
+
+
+def power_above(size: Any) -> Any:
+    """Return the power of two that scales a size, or sizes, to numbers from 1/2 to 1.
+
+    What is scaled by it loses no digit.
+    """
+    # Beyond these the scale itself, or its inverse, would over- or underflow.
+    return np.clip(np.frexp(size)[1], -1000, 1000)
 
 
 @cache
@@ -280,7 +221,7 @@ def _peak(x: Array) -> float:
 
 
 class Vectors:
-    """Operations with vectors of which each process has a part; alone, it has all of it.
+    """Operations with vectors of which each process has a part; where there is one, all of it.
 
     All numbers that are returned are those of the whole vectors, and the same bits in each process,
     so that no process leaves a loop alone. Updates are of the parts.
@@ -289,17 +230,12 @@ class Vectors:
     ----------
     gather : callable, optional
         Takes a number, or an array, and returns those of all processes, in the same order in each.
-    rows : int or ndarray of int, optional
-        Of real vectors of fields whose rows no two processes share: `rows_of` these.
 
     Attributes
     ----------
     gather : callable
     dot, dots, gram, norm : callable
         As the functions of this module.
-    dot_near : callable
-        As `dot`, but of vectors whose product is about a third number, as the last one of an
-        iteration. Processes exchange one number then, where rows have told them two.
     sum, min, max : callable
         From a real field to its sum, its least and its largest number; infinity, or minus
         infinity, where it has none.
@@ -328,7 +264,7 @@ class Vectors:
     xp: Any = np
     cuts_fields = True
 
-    def __init__(self, gather: Gather | None = None, rows: RowsOf = None) -> None:
+    def __init__(self, gather: Gather | None = None) -> None:
         self.gather: Gather = gather or (lambda number: (number,))
 
         def of_parts(combine: Callable[[Sequence[Any]], Any], of_part: Any) -> Any:
@@ -336,29 +272,7 @@ class Vectors:
                 return of_part
             return lambda *vectors: combine(gather(of_part(*vectors)))
 
-        def dot_by_rows(x: Array, y: Array, near: float = 0.0) -> float:
-            numbers = row_dots(x, y, rows)
-            if grain := grain_near(near):
-                numbers = round_to(numbers, grain)
-                if gather is not None:
-                    counts = gather(count_grains(numbers, grain))
-                    if TOO_MANY not in counts:
-                        return sum(counts) * grain
-            sums = numbers.tolist()
-            total = add_exactly(sums)
-            if gather is not None:
-                # What rounding takes from it goes with it: together they are as good as exact.
-                sums.append(-total)
-                both = np.array([total, add_exactly(sums)])
-                total = add_exactly(np.ravel(gather(both)).tolist())
-            return total
-
-        self.dot: Callable[[Array, Array], float] = (
-            of_parts(sum, dot) if rows is None else dot_by_rows
-        )
-        self.dot_near: Callable[[Array, Array, float], float] = (
-            (lambda x, y, near: self.dot(x, y)) if rows is None else dot_by_rows
-        )
+        self.dot: Callable[[Array, Array], float] = of_parts(sum, dot)
         self.dots: Callable[[Array, Array], Array] = of_parts(sum, dots)
         self.gram: Callable[[Array], Array] = of_parts(lambda grams: np.sum(grams, axis=0), gram)
         self.norm: Callable[[Array], float] = of_parts(lambda norms: hypot(*norms), norm)
@@ -396,4 +310,4 @@ class Vectors:
     add_combination = staticmethod(add_combination)
 
 
-ALONE = Vectors()  # Of vectors that this process has alone.
+VECTORS = Vectors()  # Of vectors that this process has all of.

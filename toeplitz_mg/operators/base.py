@@ -12,7 +12,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import NUMPY, Library
-from toeplitz_mg.engine.vectors import ALONE, Vectors
+from toeplitz_mg.engine.ranks import SERIAL, is_serial
+from toeplitz_mg.engine.vectors import VECTORS, Vectors
 from toeplitz_mg.operators import algebra
 
 NUMBERS = "fcbui"  # Kinds of dtypes that are multiplied: real, complex, booleans, integers.
@@ -102,8 +103,11 @@ class GridOperator(LinearOperator):
     grid_shape : tuple of int
     work : float
     library : Library
+    ranks : Ranks
+        The processes that share the rows of its vectors: there is one.
     """
 
+    ranks = SERIAL
     _is_toeplitz = False  # Whether it is a Toeplitz matrix, of which a ToeplitzSum may be made.
 
     def __init__(
@@ -286,7 +290,7 @@ def work_of(A: LinearOperator) -> float:
 
 def vectors_of(A: Any) -> Vectors:
     """Return the operations with the vectors of an operator, or of a matrix."""
-    return getattr(A, "vectors", ALONE)
+    return getattr(A, "vectors", VECTORS)
 
 
 def library_for(A: Any) -> Library:
@@ -309,13 +313,16 @@ def require_numpy(
         )
 
 
-def refuse_slab(name: str, A: Any) -> None:
-    """Raise a TypeError for an operator on slabs, where one of one process is needed."""
-    if hasattr(A, "slab"):
+def require_serial(
+    name: str,
+    A: Any,
+    instead: str = "toeplitz_mg.slabs has the preconditioners fft, cosine, sine and fsai for it, "
+    "and cg and richardson take it",
+) -> None:
+    """Raise a TypeError for an operator on slabs, where one of a single process is needed."""
+    if not is_serial(A):
         raise TypeError(
-            f"{name} is {A!r}, an operator on slabs, but must be one of a single process: "
-            "toeplitz_mg.slabs has the preconditioners fft, cosine, sine and fsai for it, and cg "
-            "and richardson take it"
+            f"{name} is {A!r}, an operator on slabs, but must be one of a single process: {instead}"
         )
 
 

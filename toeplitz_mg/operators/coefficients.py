@@ -13,6 +13,7 @@ from scipy.sparse import issparse
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import Library, library_of
 from toeplitz_mg.engine.embedding import cut
+from toeplitz_mg.engine.ranks import is_serial
 
 # Share of the largest number that a row may sum up to: the rest is for products.
 HEADROOM = 2.0**-8
@@ -285,7 +286,7 @@ def check_finite(values: ArrayLike, name: str) -> Array:
     library = library_of(values)
     array = library.read(name, values)
     dtype = library.dtype(array)
-    if hasattr(values, "slab"):
+    if not is_serial(values):
         raise TypeError(
             f"{name} is {values!r}, an operator on slabs, but must be of coefficients, of which "
             "each rank has some rows: toeplitz_mg.slabs has what takes these"

@@ -10,7 +10,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator, name_symmetry, refuse_slab
+from toeplitz_mg.operators.base import GridOperator, name_symmetry, require_serial
 from toeplitz_mg.operators.coefficients import check_precision
 from toeplitz_mg.operators.sums import constant_of
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
@@ -269,7 +269,7 @@ def _check_blocks(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> No
         for j, block in enumerate(row):
             if block is None:
                 continue
-            refuse_slab(f"blocks[{i}][{j}]", block)
+            require_serial(f"blocks[{i}][{j}]", block)
             if not isinstance(block, ToeplitzOperator):
                 raise TypeError(
                     f"blocks[{i}][{j}] is a {type(block).__name__}, but must be a ToeplitzOperator "

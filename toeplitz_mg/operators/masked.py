@@ -10,7 +10,13 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator, apply_to_rows, library_for, work_of
+from toeplitz_mg.operators.base import (
+    GridOperator,
+    apply_to_rows,
+    library_for,
+    require_serial,
+    work_of,
+)
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.sums import ToeplitzSum
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
@@ -66,8 +72,7 @@ class MaskedOperator(GridOperator):
     """
 
     def __init__(self, A: LinearOperator, mask: ArrayLike) -> None:
-        if hasattr(A, "slab"):
-            raise TypeError(f"A is {A!r}: its mask is a toeplitz_mg.slabs.MaskedOperator")
+        require_serial("A", A, "its mask is a toeplitz_mg.slabs.MaskedOperator")
         grid_shape = getattr(A, "grid_shape", None)
         if grid_shape is None or isinstance(A, MaskedOperator):
             raise TypeError(

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
-from toeplitz_mg.operators.base import refuse_slab
+from toeplitz_mg.operators.base import require_serial
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.sums import ToeplitzSum
@@ -117,7 +117,7 @@ def unwrap_toeplitz(
     """
     full, mask = unwrap(A)
     if not isinstance(full, ToeplitzOperator):
-        refuse_slab("A", A)
+        require_serial("A", A)
         if isinstance(full, CoupledOperator):
             check(full)
         raise TypeError(

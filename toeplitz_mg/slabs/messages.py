@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.ranks import Ranks
 from toeplitz_mg.preconditioners.fsai.rows import Refused
 
 # What all ranks raise alike; in the place of any other error a RuntimeError.
@@ -27,7 +28,7 @@ REFUSALS = (
 )
 
 
-class Messages:
+class Messages(Ranks):
     """The messages of this rank to the others, and of the others to this one.
 
     All ranks have to call the same methods in the same order.

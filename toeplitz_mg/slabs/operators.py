@@ -32,7 +32,7 @@ class SlabOperator:
 
     Attributes
     ----------
-    slab : Slab
+    slab, ranks : Slab
     grid_shape : tuple of int
         The shape of this rank's part of the grid.
     shape : (int, int)
@@ -56,7 +56,8 @@ class SlabOperator:
         size: int | None = None,
         library: Library = NUMPY,
     ) -> None:
-        self.slab, self.library = slab, library
+        self.slab = self.ranks = slab
+        self.library = library
         self.vectors: Any = library.vectors_of(slab.gather)
         self.dtype, self.grid_shape = np.dtype(dtype), grid_shape
         self.shape = (prod(grid_shape) if size is None else size,) * 2

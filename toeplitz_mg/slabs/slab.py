@@ -19,6 +19,7 @@ from toeplitz_mg.halfspace.points import offsets
 from toeplitz_mg.slabs.cuts import Turn, balance, choose_unit, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.slabs.messages import Messages
+from toeplitz_mg.slabs.row_vectors import RowVectors, rows_of
 from toeplitz_mg.values import count, refuse_masked
 
 UNKNOWN = 8  # Memory of an unknown, with `fsai_preconditioner` and `cg`, over that of a cell.
@@ -183,6 +184,22 @@ class Slab(Messages):
             if dtype.kind == "b" and library is not NUMPY:  # Of these some libraries have no sum.
                 x = library.xp.astype(x, library.native(np.float64))
         return self.vectors if library is NUMPY else library.vectors_of(self.gather), x
+
+    def kind_of(self, A: Any) -> Any:
+        """Return what has to be the same on all ranks of an operator, or of None."""
+        return None if A is None else A.kind
+
+    def vectors_for(self, A: Any, dtype: np.dtype[Any]) -> Any:
+        """Return the vectors of an iteration with A, whose inner products are by rows, or not.
+
+        They are by rows for all unknowns of the grid, or of a mask that A knows.
+        """
+        if dtype.kind == "c":
+            raise TypeError(f"A and b give the dtype {dtype}, but on slabs all is real")
+        mask = getattr(A, "mask", None)
+        size = prod(A.grid_shape) if mask is None else np.count_nonzero(mask)
+        rows = rows_of(self.shape, mask) if A.library is NUMPY and A.shape[0] == size else None
+        return A.vectors if rows is None else RowVectors(self.gather, rows)
 
     def columns(self, n: int) -> slice:
         """Return which of n columns this rank has between `to_columns` and `to_rows`."""

@@ -1,7 +1,6 @@
 """Checks of what the iterations are given."""
 
 from collections.abc import Callable
-from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +10,9 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
-from toeplitz_mg.engine.row_sums import rows_of
+from toeplitz_mg.engine.ranks import ranks_of
 from toeplitz_mg.engine.vectors import Vectors
-from toeplitz_mg.operators.base import GridOperator, library_for, vectors_of
+from toeplitz_mg.operators.base import library_for
 from toeplitz_mg.values import count, is_foreign, real
 
 
@@ -55,25 +54,20 @@ def check_system(
         are no list, a `callback` that is no function, or for operators of which one is on ranks
         and the other is not.
     """
-    slab = getattr(A, "slab", None)
-    if slab is None:
-        return _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
-    with slab.agree() as same:  # The other ranks would wait for one that raises an error alone.
-        system = _check_alone(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
-        if system.dtype.kind == "c":
-            raise TypeError(f"A and b give the dtype {system.dtype}, but on slabs all is real")
+    ranks = ranks_of(A)
+    with ranks.agree() as same:
+        system = _check_own(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
         same["rtol, atol, maxiter"] = rtol, atol, maxiter
         same["the dtype of A, M, b and x0"] = system.dtype
-        for name, given in (("A", A), ("M", M), ("inner", inner)):
-            same[name] = None if given is None else given.kind
         same["whether there is a first guess"] = x0 is not None
+        same |= {name: ranks.kind_of(B) for name, B in (("A", A), ("M", M), ("inner", inner))}
     if maxiter is None:
         # There are 10 for each unknown, also for those of other ranks.
-        system = system._replace(maxiter=int(sum(system.vectors.gather(system.maxiter))))
+        system = system._replace(maxiter=int(sum(ranks.gather(system.maxiter))))
     return system
 
 
-def _check_alone(
+def _check_own(
     A: Any,
     b: ArrayLike,
     x0: ArrayLike | None,
@@ -114,7 +108,9 @@ def _check_alone(
     if M is not None and M.dtype.kind == "c":
         dtype = np.result_type(dtype, np.complex64)
     within = None if inner is None else _check_inner(inner, A, dtype)
-    return System(A, M, b, guess, maxiter, residuals, dtype, _vectors_for(A, dtype), within)
+    return System(
+        A, M, b, guess, maxiter, residuals, dtype, ranks_of(A).vectors_for(A, dtype), within
+    )
 
 
 def _check_inner(inner: Any, A: LinearOperator, dtype: np.dtype[Any]) -> LinearOperator:
@@ -156,7 +152,7 @@ def check_numbers(name: str, values: Any, library: Library = NUMPY) -> Array:
 
 def check_place(name: str, M: Any, A: Any) -> None:
     """Refuse an operator that is not on the same ranks as A, or on none as it."""
-    if getattr(M, "slab", None) is not getattr(A, "slab", None):
+    if ranks_of(M) is not ranks_of(A):
         raise TypeError(
             f"{name} is {M!r}, and A is {A!r}, but both must be of toeplitz_mg.slabs, on the same "
             "slab, or none of them"
@@ -196,19 +192,6 @@ def check_operator(name: str, A: Any) -> LinearOperator:
         elif A.dtype.kind not in "buifc":
             raise TypeError(f"{name} has dtype {A.dtype}, but must be of numbers")
     return aslinearoperator(A)
-
-
-def _vectors_for(A: Any, dtype: np.dtype[Any]) -> Vectors:
-    """Return the operations with vectors: of real unknowns of rows inner products are by rows."""
-    slab, mask = getattr(A, "slab", None), getattr(A, "mask", None)
-    is_ours = slab is not None or isinstance(A, GridOperator)
-    if dtype.kind == "c" or not is_ours or library_for(A) is not NUMPY:
-        return vectors_of(A)
-    # Some operators of the unknowns on a mask do not know it.
-    if A.shape[0] != (prod(A.grid_shape) if mask is None else np.count_nonzero(mask)):
-        return vectors_of(A)
-    rows = rows_of(A.grid_shape if slab is None else slab.shape, mask)
-    return vectors_of(A) if rows is None else Vectors(vectors_of(A).gather if slab else None, rows)
 
 
 def _vector(values: ArrayLike, name: str, n: int, library: Library) -> Array:

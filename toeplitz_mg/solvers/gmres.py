@@ -13,7 +13,7 @@ from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.krylov_space import KrylovSpace
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.operators.base import require_numpy
+from toeplitz_mg.operators.base import require_numpy, require_serial
 from toeplitz_mg.solvers.checks import System, check_precision, check_system
 from toeplitz_mg.solvers.iterate import Iterate
 from toeplitz_mg.values import count
@@ -116,8 +116,7 @@ def gmres(
     >>> info, len(residuals) - 1 <= 20, residuals[-1] <= 1e-5 * residuals[0]
     (0, True, True)
     """
-    if hasattr(A, "slab"):
-        raise TypeError(f"A is {A!r}, but gmres takes no operator on slabs: use cg, or richardson")
+    require_serial("A", A)
     require_numpy(A, "gmres")
     system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback)
     dtype, n = check_precision(system), len(system.b)

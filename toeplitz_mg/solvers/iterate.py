@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.powers import power_above
+from toeplitz_mg.engine.vectors import power_above
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import System
 

@@ -12,7 +12,8 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.first_column import SAFE_SIZES
 from toeplitz_mg.columns.schur import require_reflections, schur_column
-from toeplitz_mg.engine.powers import power_above
+from toeplitz_mg.engine.ranks import is_serial
+from toeplitz_mg.engine.vectors import power_above
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.positivity import require_positive_diagonal
 from toeplitz_mg.solvers.toeplitz.levinson import recursion
@@ -91,7 +92,7 @@ def read_column(c: ArrayLike, advice: str) -> tuple[ToeplitzOperator, int]:
     TypeError
         Where `c` is a matrix.
     """
-    if isinstance(c, LinearOperator) or hasattr(c, "slab"):
+    if isinstance(c, LinearOperator) or not is_serial(c):
         raise TypeError(
             f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
             f"{advice}"

@@ -30,7 +30,7 @@ from toeplitz_mg.engine.products import (
 )
 from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.transforms import cosine_sums
-from toeplitz_mg.engine.vectors import ALONE, Gather, Vectors
+from toeplitz_mg.engine.vectors import VECTORS, Gather, Vectors
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import is_foreign, name_library, refuse_masked, refuse_mixed
 
@@ -43,7 +43,7 @@ Library: TypeAlias = "NumPy | Plain"
 class NumPy:
     """The library of NumPy's arrays, and of all that NumPy makes arrays of, as lists."""
 
-    name, xp, fft, device, vectors = "numpy", np, fft, "cpu", ALONE
+    name, xp, fft, device, vectors = "numpy", np, fft, "cpu", VECTORS
     in_place = MappingProxyType(
         {"overwrite_x": True}
     )  # What lets `fft` use the memory of an array.

@@ -255,7 +255,6 @@ class PlainVectors:
         self.count = lambda x: int(sum(self.gather(int(xp.count_nonzero(x)))))
         self.sum: Callable[[Any], float] = lambda x: sum(self.gather(library.sum(x)))
         self.dot: Any = lambda x, y: self.sum(library.real(library.conj(x) * y))
-        self.dot_near: Any = lambda x, y, near: self.dot(x, y)
         self.norm: Callable[[Any], float] = lambda x: sqrt(self.dot(x, x))
         # These have memory for the result as their last argument, of which they take the precision.
         self.copy = lambda x, out: xp.astype(x, out.dtype, copy=True)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.one_thread import multiply
+from toeplitz_mg.engine.small_matrices import multiply
 from toeplitz_mg.engine.threads import share_slices
 from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
 from toeplitz_mg.preconditioners.fsai.rows import CHUNK, add_loads, require_positive

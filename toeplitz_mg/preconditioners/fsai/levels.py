@@ -10,7 +10,7 @@ from scipy.linalg.lapack import dpotrs, spotrs
 from scipy.sparse import csr_array, vstack
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.one_thread import factorise
+from toeplitz_mg.engine.small_matrices import factorise
 from toeplitz_mg.engine.threads import WORTH_THREADS, share
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators.positivity import name_condition

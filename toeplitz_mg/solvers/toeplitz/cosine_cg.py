@@ -13,8 +13,7 @@ import numpy as np
 from scipy.linalg.blas import daxpy, ddot, dscal
 
 from toeplitz_mg._typing import Rows
-from toeplitz_mg.engine.row_sums import PART
-from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.engine.vectors import PART, norm
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, alternate
 from toeplitz_mg.solvers.toeplitz.cosine_inverse import precondition
 

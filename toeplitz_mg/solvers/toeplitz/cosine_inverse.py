@@ -25,8 +25,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.engine.row_sums import PART
-from toeplitz_mg.engine.vectors import add_combination, dots
+from toeplitz_mg.engine.vectors import PART, add_combination, dots
 from toeplitz_mg.operators.positivity import is_positive
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, Points, choose_points
 

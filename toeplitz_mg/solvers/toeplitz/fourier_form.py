@@ -14,7 +14,7 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.row_transforms import fft, ifft, packed_irfft, packed_rfft
 from toeplitz_mg.engine.transforms import phase_factors
-from toeplitz_mg.engine.vectors import ALONE
+from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import require_nonzero
 from toeplitz_mg.preconditioners.circulant import smooth_column
@@ -167,7 +167,7 @@ def _pack(z: Array) -> Array:
 class _Diagonal:
     """A circulant in the domain of the transform, by its eigenvalues in the order of that."""
 
-    vectors = ALONE
+    vectors = VECTORS
 
     def __init__(self, eigenvalues: Array, dtype: np.dtype[np.generic]) -> None:
         self.dtype, self.shape = dtype, 2 * (len(eigenvalues),)
@@ -190,7 +190,7 @@ class _Diagonal:
 class Multiplication:
     """A matrix whose products a function gives: ``multiply(X, out)`` for rows."""
 
-    vectors = ALONE
+    vectors = VECTORS
 
     def __init__(
         self, n: int, dtype: np.dtype[np.generic], multiply: Callable[[Rows, Rows], Rows]

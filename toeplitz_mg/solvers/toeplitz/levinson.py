@@ -20,7 +20,7 @@ import scipy.linalg
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.engine.row_sums import PART
+from toeplitz_mg.engine.vectors import PART
 from toeplitz_mg.solvers.toeplitz.system import EPS, USUAL
 
 # `python -m comparisons.drop_in` measures both sides of these.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.powers import power_above
+from toeplitz_mg.engine.vectors import power_above
 
 SMALLEST = float(np.finfo(np.float64).tiny)  # Smallest number of which float64 has all 53 bits.
 

@@ -12,6 +12,7 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.ranks import is_serial
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.solvers.checks import check_numbers
@@ -253,7 +254,7 @@ def _summarise(infos: list[SolveInfo]) -> SolveInfo:
 def _numbers(values: ArrayLike, name: str) -> Array:
     if type(values) is np.ndarray and values.dtype in (np.float64, np.complex128):
         return values  # Sooner than by what follows, which a small system would feel.
-    if isinstance(values, LinearOperator) or issparse(values) or hasattr(values, "slab"):
+    if isinstance(values, LinearOperator) or issparse(values) or not is_serial(values):
         raise TypeError(
             f"{name} is {values!r}, but must be an array: of a ToeplitzOperator A on one axis c is "
             "A[:, 0], and r is A[0, :]; of a sparse matrix c is its first column as an array"

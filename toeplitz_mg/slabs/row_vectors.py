@@ -1,24 +1,19 @@
-"""Inner products of fields by their rows: the same bits, whoever has which of the rows.
+"""Inner products of fields by their rows: the same bits, whichever rank has which of the rows.
 
 Those of the rows are added exactly, and rounded once. So it does not matter in what order, and
-processes of which each has some rows find what one finds that has them all. In an iteration those
-of the rows are rounded before, to multiples of one number: the sum of each process is one integer.
+ranks of which each has some rows find what one finds that has them all.
 """
 
-from math import frexp, fsum, prod
+from math import fsum, prod
 from typing import Any
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, share, share_slices
+from toeplitz_mg.engine.vectors import AT_ONCE, PART, Gather, Vectors
 from toeplitz_mg.engine.workspace import workspace
 
-PART = 2**13  # Most numbers of a piece: OpenBLAS shares a vector of more than 10,000 among threads.
-AT_ONCE = 2**17  # Numbers up to which pieces take longer to begin than the cache saves.
-BITS = 56  # Binary digits of the last inner product before a grain.
-TOO_MANY = -(2**63)  # In the place of a number of grains that is no integer of 64 bits.
-TINY = float(np.finfo(np.float64).tiny)
 SHORT = 32  # Numbers of a row from which on it is worth it to add up rows, and then these exactly.
 
 # How many unknowns each row of a field has, or the first unknown of each row where they differ in
@@ -40,6 +35,30 @@ def rows_of(shape: tuple[int, ...], mask: Array | None = None) -> RowsOf:
         return n // count
     lengths = np.count_nonzero(mask.reshape(-1, n // count), axis=1)
     return (np.cumsum(lengths) - lengths)[lengths > 0]
+
+
+class RowVectors(Vectors):
+    """Operations with real vectors of which each rank has some rows (see `engine.vectors`).
+
+    Parameters
+    ----------
+    gather : callable
+        Takes a number, or an array, and returns those of all ranks, in the same order on each.
+    rows : int or ndarray of int
+        `rows_of` the vectors.
+    """
+
+    def __init__(self, gather: Gather, rows: RowsOf) -> None:
+        super().__init__(gather)
+
+        def dot(x: Array, y: Array) -> float:
+            sums = row_dots(x, y, rows).tolist()
+            total = add_exactly(sums)
+            # What rounding takes from it goes with it: together they are as good as exact.
+            both = np.array([total, add_exactly([*sums, -total])])
+            return add_exactly(np.ravel(gather(both)).tolist())
+
+        self.dot = dot
 
 
 def row_dots(x: Array, y: Array, rows: Any) -> Array:
@@ -64,32 +83,6 @@ def row_dots(x: Array, y: Array, rows: Any) -> Array:
 
     share_slices(work, len(rows), max(1, PIECE * len(rows) // x.size), x.size)
     return sums
-
-
-def grain_near(near: float) -> float:
-    """Return what all inner products of rows are rounded to multiples of; 0 if not at all.
-
-    It is so small that some thousand rows, whose errors are of both signs, lose the last digit of
-    a sum that is about `near` at most, and so large that 2^62 of it are 64 times that, or more: an
-    integer says what a sum is.
-    """
-    grain = 2.0 ** (frexp(near)[1] - BITS) if near > 0.0 else 0.0
-    return grain if grain >= TINY else 0.0
-
-
-def round_to(numbers: Array, grain: float) -> Array:
-    """Return numbers rounded to multiples of a power of two."""
-    numbers = numbers.astype(np.float64, copy=False)
-    # The last digit of this is one grain, and that of what is larger not less.
-    shift = np.copysign(2.0**52 * grain, numbers)
-    return numbers + shift - shift
-
-
-def count_grains(numbers: Array, grain: float) -> int:
-    """Return the sum of multiples of a power of two as that of integers, or `TOO_MANY`."""
-    if not np.abs(numbers).sum() < 2.0**62 * grain:
-        return TOO_MANY
-    return int((numbers / grain).astype(np.int64).sum())
 
 
 def _share_dots(X: Array, Y: Array) -> Array:
