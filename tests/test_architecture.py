@@ -2,8 +2,10 @@
 
 import ast
 import importlib
+import inspect
 import pkgutil
 import re
+from graphlib import TopologicalSorter
 from pathlib import Path
 from types import ModuleType
 
@@ -26,18 +28,22 @@ MODULES = [
 ]
 
 
+def imported_names(node, *, for_types=True):
+    """What a piece of code imports, also inside functions, and for annotations alone or not."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom) and node.module:
+        yield from (f"{node.module}.{alias.name}" for alias in node.names)
+    for child in ast.iter_child_nodes(node):
+        if for_types or not (isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test)):
+            yield from imported_names(child, for_types=for_types)
+
+
 def rooms_that_are_imported(source):
-    """The rooms that a file imports from, also inside functions, and not only for annotations."""
-    for node in ast.walk(ast.parse(source)):
-        names = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-        for name in names:
-            package, *rest = name.split(".")
-            if package == "toeplitz_mg" and rest and rest[0] in ROOMS:
-                yield rest[0]
+    for name in imported_names(ast.parse(source)):
+        package, *rest = name.split(".")
+        if package == "toeplitz_mg" and rest and rest[0] in ROOMS:
+            yield rest[0]
 
 
 def test_the_page_names_every_room():
@@ -51,6 +57,15 @@ def test_no_room_imports_from_one_above_it(room):
     for path in files:
         for imported in rooms_that_are_imported(path.read_text()):
             assert ROOMS.index(imported) <= ROOMS.index(room), f"{path} imports {imported}"
+
+
+def test_no_files_import_each_other_in_a_circle():
+    imports = {}
+    for file in MODULES:
+        code = ast.parse(inspect.getsource(importlib.import_module(file)))
+        names = imported_names(code, for_types=False)
+        imports[file] = {n if n in MODULES else n.rpartition(".")[0] for n in names} - {file}
+    TopologicalSorter(imports).prepare()  # Its CycleError names the files.
 
 
 def test_no_module_is_hidden_by_a_function_of_its_name():

@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.gaussian.observed import Observed
-
-if TYPE_CHECKING:  # A ToeplitzNormal makes it.
-    from toeplitz_mg.gaussian.normal import ToeplitzNormal
 
 
 @dataclass(frozen=True, repr=False)
@@ -29,7 +26,7 @@ class Conditional:
         What was observed less the mean of the process, zero elsewhere.
     """
 
-    process: "ToeplitzNormal"
+    process: Any  # The file of this class imports this one.
     known: Observed
     mask: Mask
     residual: Array
