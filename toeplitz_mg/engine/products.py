@@ -212,17 +212,12 @@ class Transforms(NamedTuple):
     backward: Callable[..., Array]
 
 
-def _last_axis_first(transform: Callable[..., Array], a: Array, axes: Any, **options: Any) -> Array:
-    """Transform the axes from the last to the first, as slabs of rows must: bits are the same."""
-    return transform(a, axes=axes[::-1], **options)
-
-
 # These diagonalise circulants, real and complex ones, and the matrices of the DCT-II, of the DST-II
 # and of the DST-I.
 FOURIER = Transforms(fft.rfftn, fft.irfftn)
 COMPLEX_FOURIER = Transforms(fft.fftn, fft.ifftn)
-COSINE = Transforms(partial(_last_axis_first, fft.dctn), fft.idctn)
-SINE = Transforms(partial(_last_axis_first, fft.dstn), fft.idstn)
+COSINE = Transforms(fft.dctn, fft.idctn)
+SINE = Transforms(fft.dstn, fft.idstn)
 TAU = Transforms(*[partial(fft.dstn, type=1, norm="ortho")] * 2)  # It is its own inverse.
 
 

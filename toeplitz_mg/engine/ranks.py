@@ -27,10 +27,6 @@ class Ranks:
         """Return a number, or an array of numbers, of each process, in the order of these."""
         return (number,)
 
-    def kind_of(self, A: Any) -> Any:
-        """Return what has to be the same in all processes of an operator, or of None."""
-        return None
-
     def vectors_for(self, A: Any, dtype: np.dtype[Any]) -> Any:
         """Return the inner products and updates of an iteration with A for numbers of a dtype."""
         return getattr(A, "vectors", VECTORS)

@@ -185,10 +185,6 @@ class Slab(Messages):
                 x = library.xp.astype(x, library.native(np.float64))
         return self.vectors if library is NUMPY else library.vectors_of(self.gather), x
 
-    def kind_of(self, A: Any) -> Any:
-        """Return what has to be the same on all ranks of an operator, or of None."""
-        return None if A is None else A.kind
-
     def vectors_for(self, A: Any, dtype: np.dtype[Any]) -> Any:
         """Return the vectors of an iteration with A, whose inner products are by rows, or not.
 

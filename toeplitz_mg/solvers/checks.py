@@ -60,7 +60,8 @@ def check_system(
         same["rtol, atol, maxiter"] = rtol, atol, maxiter
         same["the dtype of A, M, b and x0"] = system.dtype
         same["whether there is a first guess"] = x0 is not None
-        same |= {name: ranks.kind_of(B) for name, B in (("A", A), ("M", M), ("inner", inner))}
+        for name, given in (("A", A), ("M", M), ("inner", inner)):
+            same[name] = getattr(given, "kind", None)
     if maxiter is None:
         # There are 10 for each unknown, also for those of other ranks.
         system = system._replace(maxiter=int(sum(ranks.gather(system.maxiter))))
