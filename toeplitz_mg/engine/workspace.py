@@ -3,7 +3,6 @@
 import threading
 from collections import defaultdict
 from collections.abc import Callable
-from functools import cache
 from math import prod
 from typing import Any
 from weakref import ref
@@ -14,9 +13,6 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array
 
 SMALL = 2**15  # Bytes up to which the allocator of C itself keeps memory and gives it out again.
-# Bytes of the largest block that the allocator of Linux keeps when it is freed, if one of that size
-# was freed before: 32 MiB, less what it adds itself.
-KEPT = 2**25 - 2**16
 LARGE_PAGE = 2**21  # Bytes of a large page, of which a strided pass needs few.
 
 
@@ -77,16 +73,3 @@ def workspace(shape: tuple[int, ...], dtype: DTypeLike, *, small: int = SMALL) -
     array: Array = np.ndarray(shape, dtype, block.memory, block.start)
     block.array = ref(array)
     return array
-
-
-@cache
-def keep_freed_memory() -> None:
-    """Let the allocator of C keep what it is given back, for arrays that are no workspaces.
-
-    That of Linux returns a block to the system when it is larger than any that was freed before,
-    and what is free at the end of its memory when that is twice as much. In iterations whose
-    temporary arrays have half a megabyte each, mapping and clearing them anew takes a fifth of the
-    time. It learns from a block that is freed, which nobody needs to write to. The memory of a
-    process may stay larger by as much as 64 MiB; other allocators do as they do.
-    """
-    np.empty(KEPT, np.uint8)

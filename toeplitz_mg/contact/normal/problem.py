@@ -34,7 +34,6 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, check_converged, touches_edge
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.values import refuse_masked
 
 
@@ -232,7 +231,6 @@ def press(
     if force == 0.0 or (approach is not None and approach <= 0.0):
         nothing = State(np.zeros(z.shape), np.zeros(z.shape), approach or 0.0)
         return make_result(grid, z, nothing, 0, 0.0, distance, most)
-    keep_freed_memory()
     with count_products() as work:
         there = grid if library is NUMPY else replace(grid, library=library)
         search = Search(there, library.from_numpy(z), approach, force, tolerance, progress, most)

@@ -14,7 +14,6 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.ranks import is_serial
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.toeplitz.levinson import is_faster_at_once, levinson, solve_at_once
 from toeplitz_mg.solvers.toeplitz.methods import (
@@ -152,7 +151,6 @@ def solve_toeplitz(
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
     if c.size <= EQUAL and (found := _solve_short(c, r, b, rtol)) is not None:
         return found if full_output else found[0]
-    keep_freed_memory()
     with np.errstate(all="ignore"):  # It is seen in the residual.
         if is_batch:
             x, infos = _solve_batch(c, r, b, check_finite, rtol)
