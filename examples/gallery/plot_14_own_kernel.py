@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import toeplitz_mg as tmg
-from toeplitz_mg.operators.lifting import componentwise, restricted
+from toeplitz_mg.operators.lifting import lift
 
 i, j = np.indices((96, 96))
 r = np.hypot(i, j) + 0.5
@@ -22,10 +22,9 @@ print(tmg.select_preconditioner(A))
 
 
 # %%
-# A preconditioner: T. Chan's circulant of A after a taper. The decorators unwrap masks and
-# components, so that the function sees a Toeplitz operator on its whole grid only.
-@componentwise
-@restricted
+# A preconditioner: T. Chan's circulant of A after a taper. The decorator takes masks and
+# components apart, so that the function sees a Toeplitz operator on its whole grid only.
+@lift(accepts="symmetric")
 def tapered_preconditioner(A):
     """Return T. Chan's circulant of A, tapered: positive definite, as e^-|k| is a covariance."""
     lag = np.indices(A.lags.shape).T - np.subtract(A.grid_shape, 1)

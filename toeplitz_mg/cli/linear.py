@@ -18,7 +18,7 @@ from toeplitz_mg.cli import files, report
 from toeplitz_mg.cli.arguments import PRECONDITIONERS
 from toeplitz_mg.cli.report import format_error, print_step
 from toeplitz_mg.operators.base import grid_of
-from toeplitz_mg.operators.structure import unwrap
+from toeplitz_mg.operators.lifting import unwrap
 
 
 @dataclass(frozen=True)

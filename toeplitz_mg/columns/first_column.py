@@ -13,7 +13,7 @@ from toeplitz_mg.columns.columns import NEAR, Columns
 from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.columns.spectral_factor import ADVICE, factor_symbol
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.operators.structure import squeeze_line
+from toeplitz_mg.operators.lifting import squeeze_line
 
 RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better preconditioner.
 # Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.

@@ -7,13 +7,12 @@ from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.definite import require_definite
 from toeplitz_mg.multigrid_cycle.hierarchy import build_levels
 from toeplitz_mg.multigrid_cycle.interpolation import Interpolation, piecewise_constant
-from toeplitz_mg.operators.lifting import averaged
-from toeplitz_mg.operators.structure import unwrap_toeplitz
+from toeplitz_mg.operators.lifting import lift, unwrap_toeplitz
 from toeplitz_mg.preconditioners import fft_rsm_preconditioner
 from toeplitz_mg.values import count
 
 
-@averaged
+@lift(accepts="symmetric", parts=(), numpy_only=True)
 def multigrid(
     A: LinearOperator,
     *,

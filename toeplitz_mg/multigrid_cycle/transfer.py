@@ -16,7 +16,7 @@ from toeplitz_mg.multigrid_cycle.interpolation import (
     piecewise_constant,
 )
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
-from toeplitz_mg.operators.structure import unwrap_toeplitz
+from toeplitz_mg.operators.lifting import unwrap_toeplitz
 
 # Coupling of neighbours along an axis, relative to the strongest one, below which that axis is not
 # coarsened: the smoother leaves errors that vary along it from element to element.

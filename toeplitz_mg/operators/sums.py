@@ -1,6 +1,6 @@
 """Sums of Toeplitz matrices between diagonal ones, and the Toeplitz matrix near such a sum."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -225,11 +225,12 @@ class ToeplitzSum(GridOperator):
         return f"<ToeplitzSum {' + '.join(names)}, {grid}, {kind}, {self.dtype}>"
 
 
-def terms_of(A: GridOperator) -> tuple[tuple[Term, ...], Array | None]:
+def terms_of(A: Any) -> tuple[tuple[Term, ...], Array | None]:
     """Return the terms of a sum and its diagonal, or of a Toeplitz matrix; of others none."""
     if isinstance(A, ToeplitzSum):
         return A.terms, A.offset
-    return ((Term(None, A, None),) if A._is_toeplitz else ()), None
+    is_toeplitz = isinstance(A, GridOperator) and A._is_toeplitz
+    return ((Term(None, A, None),) if is_toeplitz else ()), None
 
 
 def collect(terms: Iterable[Term]) -> list[Term]:
@@ -279,7 +280,7 @@ def advise_of_negative(largest: float) -> str:
 
 
 def average(
-    A: ToeplitzSum, mask: Mask | None = None, part: Callable[[Any], Any] = hermitian_part
+    A: ToeplitzSum, mask: Mask | None = None, *, is_any: bool = False
 ) -> tuple["ToeplitzOperator", Array]:
     """Return a Toeplitz matrix T and the entries of a diagonal one, with D T⁻¹ D ≈ A⁻¹.
 
@@ -293,8 +294,8 @@ def average(
     A : ToeplitzSum
     mask : ndarray of bool, optional
         The unknowns, over which the means are taken.
-    part : callable, optional
-        What to take of a Toeplitz matrix in the place of its Hermitian part.
+    is_any : bool
+        Whether T may be any matrix, so that its Hermitian part is not taken.
 
     Raises
     ------
@@ -325,7 +326,7 @@ def average(
     if A.offset is not None:
         mean = mean.plus_unit(np.mean(A.offset[unknowns] / diagonal))
     # Of a sum that is Hermitian the mean is too, but for rounding of weights that are complex.
-    mean = hermitian_part(mean) if A.is_hermitian else part(mean)
+    mean = mean if is_any and not A.is_hermitian else hermitian_part(mean)
     return mean.astype(A.dtype), 1.0 / np.sqrt(diagonal)
 
 

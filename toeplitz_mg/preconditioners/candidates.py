@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
+from toeplitz_mg.operators.lifting import unwrap
 from toeplitz_mg.operators.positivity import precision
-from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.fsai.neighbours import NUMBERS, ON_LINE

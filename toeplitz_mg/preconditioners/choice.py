@@ -20,7 +20,7 @@ from toeplitz_mg.columns.first_column import RESOLVED
 from toeplitz_mg.columns.spectral_factor import factor_symbol
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.structure import (
+from toeplitz_mg.operators.lifting import (
     check_hermitian,
     components,
     unwrap,

@@ -11,7 +11,7 @@ from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
-from toeplitz_mg.operators.lifting import of_any_matrix
+from toeplitz_mg.operators.lifting import lift
 from toeplitz_mg.operators.positivity import (
     INDEFINITE,
     LAST_RESORT,
@@ -29,7 +29,7 @@ from toeplitz_mg.operators.symbol import NEGLIGIBLE
 SHARE = 0.05
 
 
-@of_any_matrix
+@lift(accepts="any")
 def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of Strang's circulant, which copies the central coefficients of `A`.
 
@@ -86,7 +86,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     return _definite_inverse(A, _transform(column), "Strang", dtype)
 
 
-@of_any_matrix
+@lift(accepts="any")
 def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of T. Chan's circulant, the nearest to `A` in the Frobenius norm.
 

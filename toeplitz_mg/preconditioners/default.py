@@ -10,14 +10,14 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg.operators import BlockDiagonal, ToeplitzSum
 from toeplitz_mg.operators.base import grid_of
-from toeplitz_mg.operators.lifting import averaged
-from toeplitz_mg.operators.positivity import LAST_RESORT, precision
-from toeplitz_mg.operators.structure import (
+from toeplitz_mg.operators.lifting import (
     check_hermitian,
+    lift,
     restrict,
     unwrap,
     unwrap_toeplitz,
 )
+from toeplitz_mg.operators.positivity import LAST_RESORT, precision
 from toeplitz_mg.operators.sums import average
 from toeplitz_mg.preconditioners.choice import Plan, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
@@ -28,7 +28,7 @@ from toeplitz_mg.preconditioners.trial import better_than_none
 logger = logging.getLogger(__name__)
 
 
-@averaged
+@lift(accepts="Hermitian", parts=(), numpy_only=True)
 def default_preconditioner(
     A: LinearOperator, *, solves: int = 1, dtype: DTypeLike | None = None
 ) -> LinearOperator:

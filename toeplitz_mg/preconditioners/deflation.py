@@ -5,8 +5,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, grid_of, work_of
-from toeplitz_mg.operators.lifting import averaged
-from toeplitz_mg.operators.structure import check_symmetric, unwrap
+from toeplitz_mg.operators.lifting import check_symmetric, lift, unwrap
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.values import count
 
@@ -74,7 +73,7 @@ class TransposedDeflation(GridOperator):
         return f"<TransposedDeflation of {self.PM!r}>"
 
 
-@averaged
+@lift(accepts="symmetric", parts=(), numpy_only=True)
 def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) -> SubdomainDeflated:
     """Return P M, the FFT preconditioner deflated by the constants on subdomains.
 

@@ -1,7 +1,6 @@
 """The FFT preconditioner M, a Toeplitz matrix of an interior column of A⁻¹ (paper, §3.1)."""
 
 from collections.abc import Callable
-from functools import partial
 from math import prod
 from typing import Any
 
@@ -17,15 +16,14 @@ from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.transforms import LONG
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
-from toeplitz_mg.operators.lifting import averaged, restricted_hermitian
+from toeplitz_mg.operators.lifting import check_hermitian, lift, restrict, unwrap
 from toeplitz_mg.operators.positivity import name_robust, precision, require_positive
-from toeplitz_mg.operators.structure import check_hermitian, restrict, unwrap
 from toeplitz_mg.operators.symbol import continue_axis
 
 BLOCK_SUBJECT = "the embedding of A in a block circulant, which M inverts, has the pivot"
 
 
-@partial(averaged, any_library=True)
+@lift(accepts="Hermitian", parts=())
 def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return M, the paper's FFT preconditioner of a positive definite Toeplitz matrix.
 
@@ -98,7 +96,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     return _invert_toeplitz(A, dtype)
 
 
-@restricted_hermitian
+@lift(accepts="Hermitian", parts=("mask",))
 def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOperator:
     """Return M of one component on the whole grid: the inverse of a circulant, cut to the grid."""
     dtype = precision(A, dtype)

@@ -6,9 +6,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import GridOperator
-from toeplitz_mg.operators.lifting import averaged
+from toeplitz_mg.operators.lifting import check_hermitian, lift, unwrap_toeplitz
 from toeplitz_mg.operators.positivity import require_positive_diagonal
-from toeplitz_mg.operators.structure import check_hermitian, unwrap_toeplitz
 from toeplitz_mg.values import real
 
 
@@ -34,7 +33,7 @@ class ScaledIdentity(GridOperator):
         return f"<ScaledIdentity {self.shape[0]}, {self.factor.real:.3g}>"
 
 
-@averaged
+@lift(accepts="Hermitian", parts=(), numpy_only=True)
 def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> LinearOperator:
     """Return ω/a₀ times the unit matrix: a damped Jacobi, or Richardson, smoother.
 

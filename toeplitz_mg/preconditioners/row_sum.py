@@ -11,9 +11,8 @@ from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.base import grid_of, work_of
-from toeplitz_mg.operators.lifting import averaged, componentwise
+from toeplitz_mg.operators.lifting import lift, restrict, unwrap_toeplitz
 from toeplitz_mg.operators.positivity import ritz_values, rounding
-from toeplitz_mg.operators.structure import restrict, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.values import real
 
@@ -71,8 +70,7 @@ class RowSumModified(GridOperator):
         return f"<RowSumModified, row sums {self.gamma:.4g}, of {self.M!r}>"
 
 
-@componentwise
-@averaged
+@lift(accepts="symmetric", parts=("components",), numpy_only=True)
 def fft_rsm_preconditioner(
     A: LinearOperator, gamma: float | None = None, *, dtype: DTypeLike | None = None
 ) -> LinearOperator:

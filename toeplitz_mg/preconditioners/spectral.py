@@ -8,11 +8,11 @@ from toeplitz_mg.columns.first_column import RESOLVED, double_line, find_columns
 from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.lifting import of_any_matrix
+from toeplitz_mg.operators.lifting import lift
 from toeplitz_mg.operators.positivity import precision, require_condition
 
 
-@of_any_matrix
+@lift(accepts="any")
 def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of a Toeplitz matrix from the factors of the symbol of A.
 

@@ -10,9 +10,8 @@ from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator, ToeplitzSum
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.coefficients import require_range
-from toeplitz_mg.operators.lifting import componentwise, restricted, symmetrised
+from toeplitz_mg.operators.lifting import lift, unwrap
 from toeplitz_mg.operators.positivity import name_robust, precision, require_positive
-from toeplitz_mg.operators.structure import unwrap
 from toeplitz_mg.operators.symbol import average_flips
 from toeplitz_mg.values import finite
 
@@ -87,9 +86,7 @@ def tau_preconditioner(
     return _tau(A, shift, dtype)
 
 
-@componentwise
-@symmetrised
-@restricted
+@lift(accepts="symmetric part")
 def _tau(A: ToeplitzOperator, shift: float, dtype: DTypeLike | None) -> DiagonalisedOperator:
     """Return the preconditioner of one component, on the whole grid."""
     dtype = precision(A, dtype)

@@ -10,7 +10,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
-from toeplitz_mg.operators.lifting import componentwise, restricted
+from toeplitz_mg.operators.lifting import lift
 from toeplitz_mg.operators.positivity import (
     is_positive,
     name_robust,
@@ -21,8 +21,7 @@ from toeplitz_mg.operators.positivity import (
 from toeplitz_mg.operators.symbol import sample_symbol
 
 
-@componentwise
-@restricted
+@lift(accepts="symmetric")
 def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of the DCT-II matrix whose eigenvalues are samples of the symbol of A.
 
@@ -77,8 +76,7 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     return cosine_inverse(A, _sample_symbol(A), dtype)
 
 
-@componentwise
-@restricted
+@lift(accepts="symmetric")
 def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of the DST-II matrix whose eigenvalues are samples of the symbol of A.
 

@@ -11,7 +11,7 @@ from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.structure import accept_any, unwrap_toeplitz
+from toeplitz_mg.operators.lifting import accept_any, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.traits import decays_slowly
 from toeplitz_mg.solvers.cg import cg_by_recurrence

@@ -1,7 +1,6 @@
 """The multilevel sparse approximate inverse of a Toeplitz matrix on a mask."""
 
 from dataclasses import replace
-from functools import partial
 from math import log2, prod
 from typing import Any
 
@@ -16,9 +15,14 @@ from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, GridOperator
 from toeplitz_mg.operators.base import library_for
-from toeplitz_mg.operators.lifting import averaged, componentwise
+from toeplitz_mg.operators.lifting import (
+    coefficients_on_numpy,
+    componentwise,
+    lift,
+    unwrap,
+    unwrap_toeplitz,
+)
 from toeplitz_mg.operators.positivity import name_for_smooth, precision
-from toeplitz_mg.operators.structure import coefficients_on_numpy, unwrap, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options, build
 from toeplitz_mg.preconditioners.fsai.coupled import find_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
@@ -78,7 +82,7 @@ class MultilevelSparseInverse(GridOperator):
         )
 
 
-@partial(averaged, any_library=True)
+@lift(accepts="symmetric", parts=())
 def fsai_preconditioner(
     A: LinearOperator, *, neighbours: int | None = None, dtype: DTypeLike | None = None
 ) -> LinearOperator:
