@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.signal
 from numpy.testing import assert_allclose
 from scipy.sparse import diags_array, eye_array
 
@@ -166,6 +167,27 @@ def test_what_is_refused():
             of_one(tangential(8))
         with pytest.raises(TypeError, match=r"componentwise\(multigrid\)\(A\)"):
             of_one(tangential(8))
+
+
+@pytest.mark.parametrize("dtype", ["f", "d", "F", "D"])
+def test_blocks_that_are_transposes_but_for_rounding_are_averaged(dtype):
+    """As correlations by FFT of two fields of different units that are hardly correlated."""
+    rng, shape = np.random.default_rng(0), (2, 20, 30)
+    fields = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+    x, y = (fields if dtype in "FD" else fields.real).astype(dtype)
+    y *= np.array(1e-5, dtype)
+    lags = [[scipy.signal.correlate(a, b, method="fft") for b in (x, y)] for a in (x, y)]
+    assert not np.array_equal(lags[0][1], np.flip(lags[1][0]).conj())
+    A = tmg.CoupledOperator([[tmg.ToeplitzOperator.from_lags(a) for a in row] for row in lags])
+    dense = A.toarray()
+    assert A.is_hermitian
+    assert np.array_equal(dense, dense.T.conj())
+    lags[0][1][3, 4] *= 1.01
+    B = tmg.CoupledOperator([[tmg.ToeplitzOperator.from_lags(a) for a in row] for row in lags])
+    assert not B.is_hermitian
+    assert np.array_equal(B.blocks[1][0].lags, lags[1][0])
+    with pytest.raises(ValueError, match=r"blocks\[1\]\[0\] and the .*transpose.* by up to .*e-0"):
+        tmg.fft_preconditioner(B)
 
 
 @pytest.mark.parametrize("given", [tangential(8), 3, "fft"])

@@ -1,9 +1,9 @@
 """Toeplitz matrices between the components of a field on one grid: a matrix-valued kernel."""
 
-from collections.abc import Sequence
-from math import prod
+from collections.abc import Callable, Iterable, Sequence
+from math import prod, sqrt
 from operator import index
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -11,10 +11,12 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, name_symmetry, require_serial
-from toeplitz_mg.operators.coefficients import check_precision
+from toeplitz_mg.operators.coefficients import ROUNDING, check_precision
 from toeplitz_mg.operators.sums import constant_of
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.values import refuse_masked
+
+Rows = Sequence[Sequence[ToeplitzOperator | None]]
 
 
 class CoupledOperator(GridOperator):
@@ -58,6 +60,11 @@ class CoupledOperator(GridOperator):
     component. Of the blocks that are Hermitian, as all are of the tangential problem, the symbol
     is real. Where one block is complex, all are multiplied as complex ones.
 
+    Where all blocks (i, j) differ by at most 8 eps from the transposes of the blocks (j, i), as
+    those do that are computed each by itself, they are averaged with them, so that the matrix is
+    symmetric, or Hermitian. This is relative to the largest coefficient of both, or to the
+    geometric mean of those of the blocks (i, i) and (j, j) where that is larger.
+
     Coefficients at the points of `halfspace.offsets` go with ``ToeplitzOperator(c)``, those at
     `halfspace.all_offsets` with ``ToeplitzOperator.from_lags(lags)``, which A_xy, as it is odd,
     needs.
@@ -98,24 +105,17 @@ class CoupledOperator(GridOperator):
         grid_shape = (len(rows), *given[0].grid_shape)
         work = 1.0 if product is None else product.points / prod(grid_shape)
         super().__init__(dtype, grid_shape, work, library=library)
-        # All in one precision, which their preconditioners have too; what is real stays so.
-        real = dtype.char.lower()
-        rows = tuple(
-            tuple(
-                block and block.astype(dtype if block.dtype.kind == "c" else real) for block in row
-            )
-            for row in rows
-        )
-        self.blocks = rows
-        pairs = [(rows[i][j], rows[j][i]) for i in range(len(rows)) for j in range(i + 1)]
-        self.is_symmetric = self.is_hermitian = all(_is_transpose(*pair) for pair in pairs)
+        # All in one precision, which their preconditioners have too.
+        cast_rows, self.is_symmetric = _symmetrise(_cast(rows, dtype), dtype)
+        self.is_hermitian = self.is_symmetric
         if self.dtype.kind == "c":
-            self.is_hermitian = all(_is_transpose(*pair, conjugate=True) for pair in pairs)
+            cast_rows, self.is_hermitian = _symmetrise(cast_rows, dtype, conjugate=True)
+        self.blocks = rows = tuple(map(tuple, cast_rows))
         self._product = product or MultilevelProduct.of(
             library,
-            [[block and block.coefficients for block in row] for row in rows],
+            _each(rows, lambda block: block.coefficients),
             self.dtype,
-            [[block and self._spectrum_of(block) for block in row] for row in rows],
+            _each(rows, self._spectrum_of),
         )
 
     def _spectrum_of(self, block: ToeplitzOperator) -> Array | None:
@@ -152,15 +152,8 @@ class CoupledOperator(GridOperator):
             return self
         dtype = check_precision(dtype, self.dtype)
         self.library.require("dtype", dtype)
-        real = np.dtype(dtype.char.lower())  # Real blocks of a complex matrix stay real.
-        blocks = tuple(
-            tuple(
-                block and block.astype(dtype if block.dtype.kind == "c" else real) for block in row
-            )
-            for row in self.blocks
-        )
-        is_less = np.dtype(dtype).itemsize < self.dtype.itemsize
-        return CoupledOperator(blocks, product=self._product.astype(dtype) if is_less else None)
+        product = self._product.astype(dtype) if dtype.itemsize < self.dtype.itemsize else None
+        return CoupledOperator(_cast(self.blocks, dtype), product=product)
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
         """Return L A R for multiples of the unit matrix (see `GridOperator.scaled`)."""
@@ -168,9 +161,7 @@ class CoupledOperator(GridOperator):
         if any(factor is None for factor in factors):
             return NotImplemented
         factor = prod(factors)
-        return CoupledOperator(
-            [[block and block.times(factor) for block in row] for row in self.blocks]
-        )
+        return CoupledOperator(_each(self.blocks, lambda block: block.times(factor)))
 
     def plus(self, other: Any) -> Any:
         """Return the sum with a multiple of the unit matrix, or with another such operator."""
@@ -232,7 +223,7 @@ class CoupledOperator(GridOperator):
     def _adjoint(self) -> "CoupledOperator":
         if self.is_hermitian:
             return self
-        blocks = [[block and block.H for block in column] for column in self._columns]
+        blocks = _each(zip(*self.blocks, strict=True), lambda block: block.H)
         return CoupledOperator(blocks, product=self._product.adjoint())
 
     def _transpose(self) -> "CoupledOperator":
@@ -240,13 +231,7 @@ class CoupledOperator(GridOperator):
             return self
         if self.dtype.kind != "c":
             return self._adjoint()
-        return CoupledOperator(
-            [[block and block.T for block in column] for column in self._columns]
-        )
-
-    @property
-    def _columns(self) -> list[tuple[ToeplitzOperator | None, ...]]:
-        return list(zip(*self.blocks, strict=True))
+        return CoupledOperator(_each(zip(*self.blocks, strict=True), lambda block: block.T))
 
     def __repr__(self) -> str:
         components, *grid = self.grid_shape
@@ -284,17 +269,65 @@ def _check_blocks(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> No
                 )
 
 
-def _is_transpose(
-    block: ToeplitzOperator | None,
-    other: ToeplitzOperator | None,
-    *,
-    conjugate: bool = False,
-) -> bool:
-    """Whether a block is the transpose of the other, or the conjugate transpose."""
+def _each(rows: Iterable[Iterable[Any]], function: Callable[[Any], Any]) -> list[list[Any]]:
+    """Return a function of each block; None stays None."""
+    return [[block and function(block) for block in row] for row in rows]
+
+
+def _cast(rows: Rows, dtype: np.dtype[Any]) -> list[list[Any]]:
+    """Return the blocks in the precision of a matrix: what is real of a complex one stays real."""
+    real = dtype.char.lower()
+    return _each(rows, lambda block: block.astype(dtype if block.dtype.kind == "c" else real))
+
+
+def _symmetrise(rows: Rows, dtype: np.dtype[Any], *, conjugate: bool = False) -> tuple[Rows, bool]:
+    """Return blocks averaged with those opposite, and whether they are alike up to rounding.
+
+    Where a block differs from the transpose of the other, or the conjugate transpose, by more, all
+    are returned as they are.
+    """
+    differences = asymmetries(rows, conjugate=conjugate)
+    if max(differences.values()) > ROUNDING * float(np.finfo(dtype).eps):
+        return rows, False
+    averaged = [list(row) for row in rows]
+    for (i, j), difference in differences.items():
+        if difference:
+            block, other = cast(Any, rows[i][j]), cast(Any, rows[j][i])
+            mean = ToeplitzOperator.from_lags((block.lags + _mirror(other, conjugate)) / 2)
+            averaged[i][j], averaged[j][i] = mean, mean.H if conjugate else mean.T
+    return averaged, True
+
+
+def asymmetries(rows: Rows, *, conjugate: bool) -> dict[tuple[int, int], float]:
+    """Return the largest difference of each block (i, j), j ≤ i, and the mirrored block (j, i).
+
+    It is relative to the largest coefficient of both, or to the geometric mean of those of the
+    blocks (i, i) and (j, j) where that is larger.
+    """
+    pairs = [(i, j) for i in range(len(rows)) for j in range(i + 1)]
+    return {(i, j): _asymmetry(rows, i, j, conjugate) for i, j in pairs}
+
+
+def _asymmetry(rows: Rows, i: int, j: int, conjugate: bool) -> float:
+    block, other = rows[i][j], rows[j][i]
     if block is None or other is None:
-        return block is other
-    if block is other and block.dtype.kind != "c":
-        return block.is_symmetric
-    library, lags = other.library, other.library.xp.flip(other.lags)
-    lags = library.conj(lags) if conjugate else lags
-    return bool(library.xp.all(block.lags == lags))
+        return 0.0 if block is other else 1.0
+    if block is other and block.dtype.kind != "c" and block.is_symmetric:
+        return 0.0
+    lags, mirrored = block.lags, _mirror(other, conjugate)
+    if block.library.xp.all(lags == mirrored):
+        return 0.0
+    of_i, of_j = (0.0 if D is None else _largest(D, D.lags) for D in (rows[i][i], rows[j][j]))
+    both = max(_largest(block, lags), _largest(block, mirrored))
+    return _largest(block, lags - mirrored) / max(both, sqrt(of_i) * sqrt(of_j))
+
+
+def _mirror(block: ToeplitzOperator, conjugate: bool) -> Array:
+    """Return the coefficients of the transpose, or the conjugate transpose."""
+    lags = block.library.xp.flip(block.lags)
+    return block.library.conj(lags) if conjugate else lags
+
+
+def _largest(A: ToeplitzOperator, lags: Array) -> float:
+    xp = A.library.xp
+    return float(xp.max(xp.abs(lags)))

@@ -13,7 +13,7 @@ from toeplitz_mg._typing import Mask
 from toeplitz_mg.operators.base import require_numpy, require_serial
 from toeplitz_mg.operators.coefficients import require_range
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonallyScaled
-from toeplitz_mg.operators.coupled import CoupledOperator
+from toeplitz_mg.operators.coupled import CoupledOperator, asymmetries
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.sums import (
     ToeplitzSum,
@@ -70,19 +70,22 @@ def coefficients_on_numpy(A: LinearOperator) -> LinearOperator:
 
 def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
     """Raise a ValueError where a matrix is neither real and symmetric nor complex and Hermitian."""
-    if not A.is_hermitian:
-        rule = "Hermitian" if A.dtype.kind == "c" else "symmetric"
-        difference = ""
-        if isinstance(A, ToeplitzOperator):
-            mirror = "the conjugate of a[-k]" if A.dtype.kind == "c" else "a[-k]"
-            difference = (
-                f"; a[k] and {mirror} differ by up to {A.coefficients.asymmetry:.2g} of the "
-                "largest coefficient: where that is rounding, average them"
-            )
-        raise ValueError(
-            f"A is {A!r}, but must be {rule}: use chan_preconditioner(A), which takes any Toeplitz "
-            f"matrix, with gmres{difference}"
-        )
+    if A.is_hermitian:
+        return
+    is_complex = A.dtype.kind == "c"
+    if isinstance(A, CoupledOperator):
+        shares = asymmetries(A.blocks, conjugate=is_complex)
+        i, j = max(shares, key=shares.__getitem__)
+        share, which = shares[i, j], f"blocks[{i}][{j}] and the transpose of blocks[{j}][{i}]"
+        which = which.replace("transpose", "conjugate transpose") if is_complex else which
+    else:
+        share = A.coefficients.asymmetry
+        which = f"a[k] and {'the conjugate of ' if is_complex else ''}a[-k]"
+    raise ValueError(
+        f"A is {A!r}, but must be {'Hermitian' if is_complex else 'symmetric'}: use "
+        f"chan_preconditioner(A), which takes any Toeplitz matrix, with gmres; {which} differ by "
+        f"up to {share:.2g} of the largest coefficient: where that is rounding, average them"
+    )
 
 
 def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
