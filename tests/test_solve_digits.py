@@ -286,6 +286,26 @@ def test_a_residual_is_not_told_to_be_below_its_rounding(power):
         assert [warning.category for warning in told] == [scipy.linalg.LinAlgWarning]
 
 
+@pytest.mark.parametrize("n", [1, 2, 5, 50, 300, 520, 1836, 2048])
+@pytest.mark.parametrize("name", ["0.9^k", "contact", "fGn, H = 0.9", "θ²", "three lags"])
+def test_a_residual_is_at_most_twice_what_is_told(name, n):
+    c = np.array([2.0, -1.0] + n * [0.0])[:n] if name == "three lags" else column(name, n)
+    for b in (random(n), np.ones(n)):
+        x, info = tmg.solve_toeplitz(c, b, full_output=True)
+        A = scipy.linalg.toeplitz(c.astype(np.longdouble))
+        assert np.linalg.norm(b - A @ x) <= 2.0 * info.residual * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("dtype", [float, complex])
+@pytest.mark.parametrize("n", [1, 2, 100, 2001])
+def test_a_matrix_that_is_symmetric_but_for_rounding_is_solved_as_that(dtype, n):
+    c = column("0.9^k", n).astype(dtype) * np.exp(0.3j * (dtype is complex) * np.arange(n))
+    r, b = c.conj() * (1.0 + EPS * random(n).clip(-1.0, 1.0)), random(n)
+    x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+    assert_allclose(x, tmg.solve_toeplitz((c, c.conj()), b), rtol=1e-12, atol=1e-13)
+    assert info.residual <= 1e-13
+
+
 @pytest.mark.parametrize("power", range(44, 52))
 def test_no_residual_beyond_the_largest_is_returned_however_exact_x_seems(power):
     """Of this matrix rounding of A x may be more than what is measured of it."""

@@ -51,18 +51,27 @@ def test_large_lags_that_meet_small_unknowns_lose_no_digits(name, n):
 @pytest.mark.parametrize("n", [2, 60, 1000, 3000])
 @pytest.mark.parametrize("pole", [0.5, 1.05, 2.0])
 def test_the_impulse_response_of_a_filter(pole, n):
-    """It may grow beyond any residual: each row holds to rounding all the same."""
+    """It may grow beyond any residual: each row holds to rounding, and no digits are lost."""
     n = n if pole == 1.05 else min(n, 400)
     taps = np.array([1.0, -pole])
     c, r = np.pad(taps, (0, n - 2)), unit(n)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)
+        warnings.simplefilter("error")
         x = tmg.solve_toeplitz((c, r), r)
         upper = tmg.solve_toeplitz((r, c), r[::-1])
         several = tmg.solve_toeplitz((c, r), np.stack([r, 2.0 * r], axis=1))
     assert_allclose(x, lfilter([1.0], taps, r), rtol=1e-11)
     assert_array_equal(upper, x[::-1])
     assert_allclose(several, np.stack([x, 2.0 * x], axis=1), rtol=1e-14)
+
+
+@pytest.mark.parametrize("upper", [False, True])
+def test_a_signal_that_a_recursion_loses_is_warned_of(upper):
+    """That which the errors make grows as 2^k, and x does not."""
+    taps, x = np.array([1.0, -2.5, 1.0]), np.random.default_rng(0).random(300)
+    c, b = np.pad(taps, (0, 297)), np.convolve(taps, x)[:300]
+    with pytest.warns(scipy.linalg.LinAlgWarning, match="A is ill-conditioned"):
+        tmg.solve_toeplitz((unit(300), c) if upper else (c, unit(300)), b[::-1] if upper else b)
 
 
 @pytest.mark.parametrize("dtype", [float, complex])

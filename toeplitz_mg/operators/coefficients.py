@@ -107,7 +107,7 @@ class Coefficients:
         if not is_even and lags.ndim > 1:
             lags, _ = _symmetrise(library, lags, [flip])
         if library.dtype(lags).kind == "c":
-            lags, _ = _symmetrise(library, lags, [partial(_flip_conjugate, library)])
+            lags, _ = make_hermitian(lags)
         general = cls(lags[...], False)
         column = general.column if is_even else lags
         return cls(library.xp.asarray(column, copy=True), is_even)
@@ -208,6 +208,15 @@ class Coefficients:
         """Round to this precision, or say that this is not possible."""
         array = self.library.cast(self.array, dtype)
         return Coefficients(check_coefficients(array, "lags"), self.is_even)
+
+
+def make_hermitian(lags: Array) -> tuple[Array, bool]:
+    """Return the coefficients of a Hermitian matrix, and True, where these are so but for rounding.
+
+    Where they differ by more from those of the conjugate transpose they are returned as they are.
+    """
+    library = library_of(lags)
+    return _symmetrise(library, lags, [partial(_flip_conjugate, library)])
 
 
 def _flip_conjugate(library: Library, lags: Array) -> Array:

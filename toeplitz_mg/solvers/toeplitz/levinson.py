@@ -165,7 +165,9 @@ def _errors(c: Array, x: Array, b: Array) -> tuple[Array, Array]:
     low, high = USUAL
     is_usual = (low < of_A) & (of_A < high) & (low < of_b) & (of_b < high)
     is_known = is_usual & (EPS * of_A * of_x <= of_b)
-    residuals = np.where(is_known, errors / of_b, np.nan)
+    of_lags = np.sqrt(2.0 * np.square(c).sum(axis=0) - np.square(c[0]))
+    rounding = EPS * (of_lags * of_x + 0.5 * of_b)  # As `ToeplitzSystem.rounding_of`.
+    residuals = np.where(is_known, np.maximum(errors, rounding) / of_b, np.nan)
     return residuals.max(axis=0), (errors / (of_A * of_x + of_b)).max(axis=0)
 
 

@@ -40,10 +40,10 @@ class SolveInfo(NamedTuple):
     iterations : int
         Iterations, the most of all columns; or solves by a direct method.
     residual : float
-        The largest ‖b - A x‖/‖b‖ of all columns, as measured. Where ‖x‖ is so large that rounding
-        of A x alone may be more than 1e-8 ‖b‖, it is at least ε ‖a‖₂ ‖x‖/‖b‖, with a the 2n - 1
-        coefficients: that is the size of such rounding, and what is measured may be less by chance.
-        Of x only the numbers count that a coefficient meets.
+        The largest ‖b - A x‖/‖b‖ of all columns, as measured; but at least ε ‖a‖₂ ‖x‖/‖b‖, with a
+        the 2n - 1 coefficients, and of more than 512 unknowns twice that. That is the size of the
+        rounding of A x, and what is measured may be less by chance. So it is not less than half of
+        the truth.
     backward_error : float
         The largest ‖b - A x‖/(‖a‖₁ ‖x‖ + ‖b‖) of all columns, in 2-norms. ‖a‖₁, the sum of the
         absolute values of all coefficients, is an upper bound of ‖A‖₂: x solves a system that
@@ -61,13 +61,20 @@ class SolveInfo(NamedTuple):
     backward_error: float
 
 
+class Found(NamedTuple):
+    """How a system is solved, and whether few digits of x may be right, which is warned of."""
+
+    info: SolveInfo
+    is_doubtful: bool = False
+
+
 class Attempt(NamedTuple):
     """What one method has found.
 
     Attributes
     ----------
     X : ndarray
-    info : SolveInfo
+    found : Found
     is_good : bool
         Whether no other method need be tried, as its errors are as small as rounding allows.
     is_answer : bool
@@ -76,12 +83,17 @@ class Attempt(NamedTuple):
     """
 
     X: Rows
-    info: SolveInfo
+    found: Found
     is_good: bool
     is_answer: bool
 
+    @property
+    def info(self) -> SolveInfo:
+        """How it is solved."""
+        return self.found.info
 
-def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, SolveInfo]:
+
+def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Found]:
     """Solve by the first method whose solutions, corrected, are good; or return the best of all."""
     attempts: list[Attempt] = []
     tried, names = "", set[str]()
@@ -96,7 +108,7 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Solv
             tried += f"; {method.name} fails: {refused}"
             continue
         attempts.append(attempt)
-        if attempt.is_good and not _is_for_lu(system, attempt.info, rtol):
+        if attempt.is_good and not _is_for_lu(system, attempt.found):
             break
         tried += (
             f"; by {method.name} ‖b - A x‖ is {attempt.info.residual:.1e} ‖b‖ and the backward "
@@ -104,18 +116,17 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Solv
         )
     if answers := [attempt for attempt in attempts if attempt.is_answer]:
         best = min(answers, key=lambda attempt: attempt.info.residual)
-        return best.X, best.info
+        return best.X, best.found
     reason = "A is singular, exactly or numerically, or x is beyond the largest number"
     if system.n > LARGEST_DENSE:
         reason += f", or none of the methods for more than {LARGEST_DENSE} unknowns solves it"
     raise np.linalg.LinAlgError(reason + tried)
 
 
-def _is_for_lu(system: ToeplitzSystem, info: SolveInfo, rtol: float | None) -> bool:
+def _is_for_lu(system: ToeplitzSystem, found: Found) -> bool:
     """Whether a residual is so large, and the matrix so small, that LU is worth a try."""
-    if system.n > LARGEST_COMPARED:
-        return False
-    return info.residual > max(ILL_CONDITIONED if system.n <= EQUAL else ROUGH, rtol or 0.0)
+    is_worth_it = system.n <= EQUAL or found.info.residual > ROUGH
+    return found.is_doubtful and is_worth_it and system.n <= LARGEST_COMPARED
 
 
 def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float | None) -> Attempt:
@@ -124,14 +135,14 @@ def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float |
     goal = RTOL if rtol is None else rtol
     X, iterations = solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
-    least_noise = inf
+    least_noise = reached = inf
     for left in reversed(range(1 + MOST)):
         R = system.B - system.multiply(X)
         errors, terms = system.measure(R), system.size * system.measure(X)
         residual, error = largest(errors / sizes), largest(errors / (terms + sizes))
         backward_error = error
         noise = largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
-        if residual > goal or noise > ILL_CONDITIONED:
+        if residual > goal or 2.0 * noise > ILL_CONDITIONED:
             R, errors, sharp = _measure_sharply(system, X, R, errors, terms)
             if sharp is not terms:
                 residual, error = largest(errors / sizes), largest(errors / (sharp + sizes))
@@ -141,30 +152,58 @@ def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float |
                 if info.residual < inf:
                     break
                 raise np.linalg.LinAlgError("x is so large that its residual is rounding")
-            if noise > ILL_CONDITIONED:
-                # The errors of the terms of a sum add up as their squares do.
-                residual = max(residual, noise * norm(system.lags) / system.size)
+        rounding = largest(system.rounding_of(terms) / sizes)
+        if noise > ILL_CONDITIONED:
+            residual = max(residual, rounding)
         if not residual < inf:
             error = inf  # Beyond the largest number nothing is known of x.
-        if not (error < least / 2 and residual <= info.residual):
+        if not (error < least / 2 and residual <= reached):
             break  # A correction that has made the residual larger is lost.
-        best, least, least_noise = X, error, noise
-        info = SolveInfo(method.name, iterations, residual, backward_error)
+        best, least, least_noise, reached = X, error, noise, residual
+        info = SolveInfo(method.name, iterations, max(residual, rounding), backward_error)
         if is_answer(system, residual, error, method.accepted(system), rtol):
-            return Attempt(best, info, is_good=True, is_answer=True)
+            return Attempt(best, judge(info, rtol), is_good=True, is_answer=True)
         # Each column is as good as can be, by one error or by the other.
         if not left or np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
             break
         correction, steps = solve(R, CORRECTION)
         X = X + correction
         iterations += steps
+    found = judge(info, rtol)
     if method.is_substitution:
-        return Attempt(best, info, is_good=least <= GOOD, is_answer=least <= ACCEPTED)
-    is_doubtful = info.residual > ILL_CONDITIONED
-    is_singular = is_doubtful and sqrt(system.n) * least_noise > GROWN
+        # However large x is, rounding of each row may change it little.
+        if found.is_doubtful and _changes(system, solve, best) <= ILL_CONDITIONED:
+            found = Found(info)
+        return Attempt(best, found, least <= GOOD, least <= ACCEPTED)
+    is_large = info.residual > ILL_CONDITIONED
+    is_singular = is_large and sqrt(system.n) * least_noise > GROWN
     may_be_answer = info.residual <= SINGULAR and not is_singular
-    is_near = least <= ACCEPTED or not is_doubtful
-    return Attempt(best, info, may_be_answer and least <= GOOD, may_be_answer and is_near)
+    is_near = least <= ACCEPTED or not is_large
+    return Attempt(best, found, may_be_answer and least <= GOOD, may_be_answer and is_near)
+
+
+def judge(info: SolveInfo, rtol: float | None) -> Found:
+    """Take a solution as doubtful where its residual is large."""
+    return Found(info, info.residual > max(ILL_CONDITIONED, rtol or RTOL))
+
+
+def _changes(system: ToeplitzSystem, solve: Solve, X: Rows) -> float:
+    """Return how much rounding of each row of a triangular system changes x, relative to ‖x‖.
+
+    Substitution makes an error of row i that is rounding of its terms, whose sizes add up to
+    (|A| |x|)ᵢ. Their signs here are those with which all of them add up in the last unknown of the
+    recursion, as in Skeel's condition number ‖|A⁻¹| |A| |x|‖/‖x‖.
+    """
+    n, above = system.n, system.widths[1]
+    unit = np.zeros(n, system.c.dtype)
+    unit[n - 1 if above else 0] = 1.0
+    signs = np.sign(solve(unit, RTOL)[0][::-1].conj())
+    changes = []
+    for x in np.atleast_2d(X):
+        terms = np.convolve(np.abs(x), np.abs(system.band))[above : above + n]
+        change, _ = solve(EPS * signs * terms, RTOL)
+        changes.append(norm(change) / norm(x) if x.any() else 0.0)
+    return largest(np.array(changes))
 
 
 def is_answer(

@@ -31,8 +31,10 @@ from toeplitz_mg.solvers.toeplitz.refinement import (
     RTOL,
     SINGULAR,
     UNEVEN,
+    Found,
     SolveInfo,
     is_answer,
+    judge,
     solve_system,
 )
 from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
@@ -119,7 +121,8 @@ def solve_toeplitz(
     scipy.linalg.LinAlgWarning
         Where the residual ‖b - A x‖ of a system is above 1e-8 ‖b‖ and `rtol`, or rounding of A x
         may be: A is so ill-conditioned that x may have few correct digits, or, without `rtol`,
-        x is what SciPy's recursion gives, and better digits are to be had by ``rtol=1e-12``.
+        x is what SciPy's recursion gives, and better digits are to be had by ``rtol=1e-12``. Of a
+        triangular matrix, whose x may grow without losing digits, only where it has lost some.
 
     See Also
     --------
@@ -149,15 +152,15 @@ def solve_toeplitz(
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
     c, r, b = _read(c_or_cr, b)
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
-    if c.size <= EQUAL and (found := _solve_short(c, r, b, rtol)) is not None:
-        return found if full_output else found[0]
+    if c.size <= EQUAL and (done := _solve_short(c, r, b, rtol)) is not None:
+        return done if full_output else done[0]
     with np.errstate(all="ignore"):  # It is seen in the residual.
         if is_batch:
-            x, infos = _solve_batch(c, r, b, check_finite, rtol)
+            x, found = _solve_batch(c, r, b, check_finite, rtol)
         else:
-            x, infos = _solve(c, r, b, check_finite, rtol)
-    if doubtful := [found for found in infos if _is_doubtful(found, rtol)]:
-        info = max(doubtful, key=lambda found: found.residual)
+            x, found = _solve(c, r, b, check_finite, rtol)
+    if doubtful := [info for info, is_doubtful in found if is_doubtful]:
+        info = max(doubtful, key=lambda info: info.residual)
         reason = "A is ill-conditioned, and x may have few correct digits"
         if rtol is None and info.backward_error > GOOD:
             reason = "the recursion has lost digits of x, and with rtol=1e-12 another corrects them"
@@ -167,7 +170,7 @@ def solve_toeplitz(
             scipy.linalg.LinAlgWarning,
             stacklevel=2,
         )
-    return (x, _summarise(infos)) if full_output else x
+    return (x, _summarise([info for info, _ in found])) if full_output else x
 
 
 def select_method(c_or_cr: Any, b: ArrayLike) -> Method:
@@ -234,11 +237,6 @@ def _read(c_or_cr: Any, b: ArrayLike) -> tuple[Array, Array, Array]:
     return c, r, b
 
 
-def _is_doubtful(info: SolveInfo, rtol: float | None) -> bool:
-    """Whether a solution is to be warned of."""
-    return info.residual > max(ILL_CONDITIONED, rtol or RTOL)
-
-
 def _summarise(infos: list[SolveInfo]) -> SolveInfo:
     """Return the largest errors of all systems of a batch, NaN where one is, and its method."""
     if len(infos) == 1:
@@ -286,22 +284,23 @@ def _solve_short(
             return None
         R = system.B - system.multiply(X)
         error, terms = norm(R), system.size * norm(X)
-        if not EPS * terms <= ILL_CONDITIONED * size:
+        if not 2.0 * EPS * terms <= ILL_CONDITIONED * size:
             return None  # The residual may be rounding.
-        info = SolveInfo(LEVINSON, iterations, error / size, error / (terms + size))
-        if info.residual <= (RTOL if rtol is None else rtol):
+        residual, rounding = error / size, system.rounding_of(terms) / size
+        info = SolveInfo(LEVINSON, iterations, max(residual, rounding), error / (terms + size))
+        if residual <= (RTOL if rtol is None else rtol):
             return X, info
         if any_less(system.least_size_of_terms(X), UNEVEN * terms):
             return None  # What rounding is relative to may be less than these terms.
-        is_rounding = info.backward_error <= ROUNDING and info.residual <= ILL_CONDITIONED
-        if is_rounding or is_answer(system, info.residual, info.backward_error, accepted, rtol):
+        is_rounding = info.backward_error <= ROUNDING and residual <= ILL_CONDITIONED
+        if is_rounding or is_answer(system, residual, info.backward_error, accepted, rtol):
             return X, info
     return None
 
 
 def _solve_batch(
     c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None
-) -> tuple[Array, list[SolveInfo]]:
+) -> tuple[Array, list[Found]]:
     """Solve each system of a batch, whose shapes are broadcast."""
     core = min(b.ndim, 2)
     shapes = f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but "
@@ -323,29 +322,30 @@ def _solve_batch(
         np.broadcast_to(a, batch + a.shape[a.ndim - k :]) for a, k in ((c, 1), (r, 1), (b, core))
     )
     x = np.empty(b.shape, np.result_type(c, r, b))
-    infos: list[SolveInfo] = []
+    found: list[Found] = []
     rest = np.ones(batch, bool)
     n = c.shape[-1]
     is_plain = is_symmetric and x.dtype == np.float64 and x.size > 0 and n == b.shape[-core]
     if is_plain and is_faster_at_once(rest.size, n):
-        found = solve_at_once(c.reshape(-1, n), b.reshape(rest.size, n, -1))
-        good = (found.residuals <= (rtol or RTOL)) | (
-            (found.backward_errors <= ROUNDING) & (found.residuals <= SINGULAR)
+        y, residuals, backward_errors = solve_at_once(c.reshape(-1, n), b.reshape(rest.size, n, -1))
+        good = (residuals <= (rtol or RTOL)) | (
+            (backward_errors <= ROUNDING) & (residuals <= SINGULAR)
         )
-        x[...] = found.x.reshape(b.shape)
+        x[...] = y.reshape(b.shape)
         rest[...] = ~good.reshape(batch)
         if good.any():
-            errors = np.stack([found.residuals, found.backward_errors])[:, good]
+            errors = np.stack([residuals, backward_errors])[:, good]
             for worst in errors.argmax(axis=1).tolist():  # By the one error and by the other.
-                infos.append(SolveInfo("levinson for all at once", 1, *errors[:, worst].tolist()))
+                info = SolveInfo("levinson for all at once", 1, *errors[:, worst].tolist())
+                found.append(judge(info, rtol))
     for k in np.argwhere(rest):
         own = tuple(k.tolist())
         try:
-            x[own], info = _solve(c[own], r[own], b[own], check_finite, rtol)
+            x[own], of_one = _solve(c[own], r[own], b[own], check_finite, rtol)
         except np.linalg.LinAlgError as error:
             raise np.linalg.LinAlgError(f"of the system {own}: {error}") from None
-        infos += info
-    return x, infos
+        found += of_one
+    return x, found
 
 
 def _solve(
@@ -356,23 +356,23 @@ def _solve(
     rtol: float | None,
     *,
     most_at_once: int = SHORT,
-) -> tuple[Array, list[SolveInfo]]:
+) -> tuple[Array, list[Found]]:
     """Solve one system, with one right-hand side or many."""
     system = _arrange(c, r, b, most_at_once)
     if system is None:
-        return np.zeros(b.shape, np.result_type(c, r, b)), [SolveInfo("none", 0, 0.0, 0.0)]
+        return np.zeros(b.shape, np.result_type(c, r, b)), [Found(SolveInfo("none", 0, 0.0, 0.0))]
     if system.is_of_usual_size and isfinite(r[0]):
-        X, info = solve_system(system, rtol)
+        X, found = solve_system(system, rtol)
     elif system.is_complex and c.dtype == r.dtype == np.float64 and most_at_once:
         # The real and the imaginary part of b may be of different sizes.
         return _solve(c, r, b, check_finite, rtol, most_at_once=0)
     else:
-        X, info = _solve_unusual(system, rtol, check_finite)
+        X, found = _solve_unusual(system, rtol, check_finite)
     if system.parts == 2:
         X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
     elif b.ndim == 1:
-        return X, [info]
-    return np.ascontiguousarray(X.T.reshape(b.shape)), [info]
+        return X, [found]
+    return np.ascontiguousarray(X.T.reshape(b.shape)), [found]
 
 
 def _arrange(c: Array, r: Array, b: Array, most_at_once: int = SHORT) -> ToeplitzSystem | None:
@@ -408,7 +408,7 @@ def _arrange(c: Array, r: Array, b: Array, most_at_once: int = SHORT) -> Toeplit
 
 def _solve_unusual(
     system: ToeplitzSystem, rtol: float | None, check_finite: bool
-) -> tuple[Rows, SolveInfo]:
+) -> tuple[Rows, Found]:
     """Solve a system scaled by powers of two, which changes no digit, if it is finite.
 
     So no norm and no transform over- or underflows.
@@ -419,16 +419,16 @@ def _solve_unusual(
             continue
         if check_finite:
             raise ValueError(f"{name} has entries that are not finite")
-        unknown = SolveInfo("none", 0, np.nan, np.nan)
+        unknown = Found(SolveInfo("none", 0, np.nan, np.nan))
         X = np.full_like(B, np.nan)
         good = np.isfinite(B).all(axis=1)
         if name == "b" and good.any():  # What is not finite is in some columns only.
-            X[good], info = _solve_unusual(ToeplitzSystem(c, r, B[good]), rtol, check_finite)
-            unknown = info._replace(residual=np.nan, backward_error=np.nan)
+            X[good], found = _solve_unusual(ToeplitzSystem(c, r, B[good]), rtol, check_finite)
+            unknown = Found(found.info._replace(residual=np.nan, backward_error=np.nan))
         return X.reshape(system.B.shape), unknown
     scaled, powers = _scale(system)
-    X, info = solve_system(scaled, rtol)
-    return scale_back(X, powers, parts).reshape(system.B.shape), info
+    X, found = solve_system(scaled, rtol)
+    return scale_back(X, powers, parts).reshape(system.B.shape), found
 
 
 def _scale(system: ToeplitzSystem) -> tuple[ToeplitzSystem, Array]:

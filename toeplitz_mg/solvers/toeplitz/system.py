@@ -12,6 +12,7 @@ from toeplitz_mg.engine.row_transforms import fft, ifft, irfft, rfft
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.coefficients import ROUNDING, make_hermitian
 from toeplitz_mg.operators.positivity import may_be_positive
 from toeplitz_mg.preconditioners.circulant import (
     chan_eigenvalues,
@@ -61,8 +62,9 @@ class ToeplitzSystem:
     sizes : ndarray of shape (columns,), or float
         The norms of the right-hand sides (see `measure`); that of zero is tiny, as it is to be
         divided by.
-    is_symmetric : bool
-        Whether A is real and symmetric.
+    is_hermitian, is_symmetric : bool
+        Whether A is Hermitian, and whether it is real too. Where its lags differ by rounding from
+        those of such a matrix, as `ToeplitzOperator` takes it, it is made so.
     measure : callable
         Returns the 2-norms of rows, those of the parts of complex ones for both.
     """
@@ -75,18 +77,25 @@ class ToeplitzSystem:
         parts: int = 1,
         weights: Array | None = None,
     ) -> None:
-        self.c, self.r, self.B, self.parts, self._weights = c, r, B, parts, weights
+        self.B, self.parts, self._weights = B, parts, weights
         self.n, self.is_complex = len(c), c.dtype.kind == "c"
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
         self.size = sum_sizes(self.lags)
         self.measure = self._measure_both if parts == 2 else norms
         self.sizes = self.measure(B) + TINY
-        # The last numbers of most others differ, and are soon looked at.
-        differs = r is not c and self.n > 1 and c[-1] != r[-1]
-        self.is_symmetric = not self.is_complex and (
-            r is c or (not differs and np.array_equal(c[1:], r[1:]))
-        )
+        self.is_hermitian, self._asymmetry = r is c and not self.is_complex, 0.0
+        # The last numbers of most matrices that are not Hermitian tell of it, and are soon seen.
+        if not self.is_hermitian and self.is_of_usual_size:
+            last = c[-1] - r[-1].conjugate() if self.n > 1 else 0.0
+            if abs(last) <= ROUNDING * EPS * self.size:
+                lags, self.is_hermitian = make_hermitian(self.lags)
+            if self.is_hermitian:
+                self._asymmetry = sum_sizes(lags - self.lags)
+                self.lags, c = lags, lags[self.n - 1 :]
+                r = c.conj() if self.is_complex else c
+        self.is_symmetric = self.is_hermitian and not self.is_complex
+        self.c, self.r = c, r
 
     @cached_property
     def widths(self) -> tuple[int, int]:
@@ -126,12 +135,6 @@ class ToeplitzSystem:
     def may_be_definite(self) -> bool:
         """Whether A is symmetric, and no coefficient larger than that of the diagonal."""
         return self.is_symmetric and idamax(self.c) == 0
-
-    @cached_property
-    def is_hermitian(self) -> bool:
-        """Whether A is Hermitian, of complex numbers, or real and symmetric."""
-        c, r = self.c, self.r
-        return self.is_symmetric or (c[0].imag == 0.0 and bool(np.array_equal(c[1:], r[1:].conj())))
 
     @property
     def is_of_usual_size(self) -> bool:
@@ -235,6 +238,20 @@ class ToeplitzSystem:
         )
         return float(sizes) if X.ndim == 1 else self._join(sizes)
 
+    def rounding_of(self, terms: Array | float) -> Array | float:
+        """Return the rounding of b - A x, whose terms have these sizes.
+
+        The errors of the terms of a sum add up as their squares do; those of transforms, of larger
+        matrices, are hardly twice as large.
+        """
+        return self._rounding * terms + 0.5 * EPS * (self.sizes - TINY)
+
+    @cached_property
+    def _rounding(self) -> float:
+        """That of a product over ‖a‖₁ ‖x‖, and what has been changed to make A Hermitian."""
+        most = EPS if self.n <= SHORT else 2.0 * EPS
+        return (most * norm(self.lags) + self._asymmetry) / self.size
+
     def least_size_of_terms(self, X: Rows) -> Array | float:
         """Return a lower bound of `sizes_of_terms`, in fewer calls: half of the lags meet half."""
         n, half = self.n, self.n // 2
@@ -313,4 +330,4 @@ def any_less(values: Array | float, bounds: Array | float) -> bool:
 
 def largest(values: Array | float) -> float:
     """Return the largest of these numbers, NaN where one is."""
-    return values if isinstance(values, float) else float(values.max())
+    return values if type(values) is float else float(np.max(values))
