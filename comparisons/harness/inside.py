@@ -2,7 +2,7 @@
 
 `files` and `print_any_character` write and print; a `Grid` has the matrices of surfaces that
 repeat, of which `halfspace` has none; the Schur algorithm is the rival of a likelihood, and
-`smooth_eigenvalues` are zero where the campaign wants them to be.
+eigenvalues of `smooth_column` are zero where the campaign wants them to be.
 """
 
 from toeplitz_mg.cli import files as files
@@ -10,4 +10,4 @@ from toeplitz_mg.cli.report import print_any_character as print_any_character
 from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul as GohbergSemencul
 from toeplitz_mg.columns.schur import schur_column as schur_column
 from toeplitz_mg.contact.grid import Grid as Grid
-from toeplitz_mg.preconditioners.circulant import smooth_eigenvalues as smooth_eigenvalues
+from toeplitz_mg.preconditioners.circulant import smooth_column as smooth_column

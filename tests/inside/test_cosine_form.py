@@ -14,6 +14,7 @@ import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
 from tests.budgets import assert_within_budget
 from tests.systems import autoregressive, averaged, random
+from toeplitz_mg.preconditioners.circulant import chan_column, smooth_column
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, choose_points
 from toeplitz_mg.solvers.toeplitz.cosine_inverse import ApproximateInverse, LowRankInverse
@@ -242,17 +243,19 @@ def test_products_of_any_matrix(dtype, n):
 
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("n", SIZES)
-def test_circulants_with_the_samples_and_the_means_are_inverted(dtype, n):
+def test_circulants_that_are_smooth_and_of_means_are_inverted(dtype, n):
     """The lags k and k - n have weights there whose sum is one: smooth ones, and T. Chan's."""
     form, A = make(dtype, n)
     x, k = numbers(dtype, n), np.arange(n)
-    for eigenvalues, w in (
-        (form.samples, 0.5 + 0.5 * np.cos(np.pi * k / n)),
-        (form.means(), 1.0 - k / n),
+    for first, w in (
+        (smooth_column, 0.5 + 0.5 * np.cos(np.pi * k / n)),
+        (chan_column, 1.0 - k / n),
     ):
         C = scipy.linalg.circulant(w * A[:, 0] + np.r_[0.0, (1 - w[1:]) * A[0, :0:-1]])
         Z = form.transform(C @ x)
-        found = form.transform_back(form.inverse(eigenvalues).apply(Z, Z))
+        transform = np.fft.fft if form.A.dtype.kind == "c" else np.fft.rfft
+        inverse = form.inverse(transform(first(A[:, 0], A[0])))
+        found = form.transform_back(inverse.apply(Z, Z))
         assert_allclose(found, x, atol=1e-12 * np.linalg.cond(C))
 
 

@@ -139,7 +139,7 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
 
 
 def smooth_inverse(A: ToeplitzOperator, eigenvalues: Array) -> DiagonalisedOperator:
-    """Return the inverse of the circulant with the eigenvalues that `smooth_eigenvalues` returns.
+    """Return the inverse of a circulant with these eigenvalues (see `chan_eigenvalues`).
 
     A matrix of any kind has it, one that is indefinite too: it is for GMRES then.
 
@@ -168,16 +168,6 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
         column = w * positive + (1.0 - w) * negative
     eigenvalues = _transform(column)
     return library.real(eigenvalues) if A.is_hermitian else eigenvalues
-
-
-def smooth_eigenvalues(A: ToeplitzOperator) -> Array:
-    """Return the eigenvalues of the circulant that `smooth_column` returns, A having one axis.
-
-    The format is that of `chan_eigenvalues`.
-    """
-    n = A.shape[0]
-    eigenvalues = _transform(smooth_column(A.lags[n - 1 :], A.lags[n - 1 :: -1]))
-    return eigenvalues.real if A.is_hermitian else eigenvalues
 
 
 def away_from_zero(eigenvalues: Array, dtype: DTypeLike) -> Array:
@@ -232,11 +222,20 @@ def smooth_column(c: Array, r: Array) -> Array:
         First column and first row of A.
     """
     n = len(c)
-    behind = np.append(0.0, r[:0:-1])  # The lags k - n.
     ends = np.abs(c[n // 2 :]).sum() + np.abs(r[n // 2 :]).sum()
     if ends <= NEGLIGIBLE * abs(c[0]):
-        return c + behind
-    weights = 0.5 + 0.5 * np.cos(np.pi / n * np.arange(n))
+        return c + np.append(0.0, r[:0:-1])
+    return _weigh(c, r, 0.5 + 0.5 * np.cos(np.pi / n * np.arange(n)))
+
+
+def chan_column(c: Array, r: Array) -> Array:
+    """Return the first column of T. Chan's circulant, of a matrix of one axis."""
+    return _weigh(c, r, 1.0 - np.arange(len(c)) / len(c))
+
+
+def _weigh(c: Array, r: Array, weights: Array) -> Array:
+    """Return the weighted means of the lags k, and of the lags k - n."""
+    behind = np.append(0.0, r[:0:-1])
     return behind + weights * (c - behind)
 
 

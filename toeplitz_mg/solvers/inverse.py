@@ -20,10 +20,10 @@ from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, fast_length
-from toeplitz_mg.solvers.toeplitz.system import PANELS
 from toeplitz_mg.values import positive
 
 FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
+PANELS = 2**17  # Fewest unknowns of which FSAI's products, in panels, are faster.
 FEW = 256  # Unknowns up to which a matrix that is not Hermitian is solved with directly.
 ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
 

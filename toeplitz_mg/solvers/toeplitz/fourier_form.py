@@ -6,7 +6,6 @@ takes four transforms: of real vectors of length n two of these, and two of half
 """
 
 from collections.abc import Callable
-from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from toeplitz_mg.engine.transforms import phase_factors
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import require_nonzero
-from toeplitz_mg.preconditioners.circulant import smooth_column
 
 LARGEST = 2**14  # Most unknowns of which a transform at once is as fast as one in panels.
 ROOT = np.sqrt(2.0)
@@ -51,7 +49,6 @@ class FourierForm:
         self.n = n = len(c)
         self._is_complex = c.dtype.kind == "c"
         behind = np.concatenate([np.zeros(1, r.dtype), r[:0:-1]])  # The lags k - n.
-        self._c, self._r, self._behind = c, r, behind
         count_transforms(2, n)
         transform = fft if self._is_complex else packed_rfft
         self._circulant = _Diagonal(0.5 * transform(c + behind), c.dtype)
@@ -60,16 +57,6 @@ class FourierForm:
         self._untwist = self._twist.conj()
         self._skew = fft(self._fold(0.5 * (c - behind)))
         self.A = Multiplication(n, c.dtype, self._multiply)
-
-    @cached_property
-    def samples(self) -> Array:
-        """Samples of the symbol, as `smooth_eigenvalues` returns them."""
-        return self._eigenvalues(smooth_column(self._c, self._r))
-
-    def means(self) -> Array:
-        """Return the eigenvalues of T. Chan's circulant, as `chan_eigenvalues` does."""
-        weights = 1.0 - np.arange(self.n) / self.n
-        return self._eigenvalues(weights * self._c + (1.0 - weights) * self._behind)
 
     def inverse(self, eigenvalues: Array) -> "_Diagonal":
         """Return the inverse of a circulant in that domain, where it is a diagonal.
@@ -104,11 +91,6 @@ class FourierForm:
         X = Z * np.sqrt(0.5 * self.n)
         X[..., :: self.n - 1] *= ROOT
         return packed_irfft(X, overwrite_x=True)
-
-    def _eigenvalues(self, column: Array) -> Array:
-        """Return the eigenvalues of the circulant with this first column."""
-        count_transforms(1, self.n)
-        return fft(column) if self._is_complex else _unpack(packed_rfft(column))
 
     def _multiply(self, X: Rows, out: Rows) -> Rows:
         """Multiply rows in the domain of the transform by A, into `out`, which may be `X`."""
@@ -151,15 +133,8 @@ class FourierForm:
         return Z
 
 
-def _unpack(y: Array) -> Array:
-    """Return the frequencies 0 … n/2 of a transform in the order of FFTPACK, as complex numbers."""
-    z = np.empty(len(y) // 2 + 1, np.complex128)
-    z[0], z[-1], z[1:-1] = y[0], y[-1], y[1:-1].view(z.dtype)
-    return z
-
-
 def _pack(z: Array) -> Array:
-    """Return the numbers that `_unpack` takes, of real ones too."""
+    """Return the frequencies 0 … n/2 in the order of FFTPACK."""
     z = z.astype(np.complex128)
     return np.concatenate([z[:1].real, z[1:-1].view(np.float64), z[-1:].real])
 

@@ -16,7 +16,7 @@ from toeplitz_mg.solvers.toeplitz.methods import (
     Method,
     Solve,
 )
-from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem, any_less, largest
+from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem, largest
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
@@ -228,7 +228,7 @@ def _measure_sharply(
     are too rough, with their norms, and what they can be at most, the given terms, is no limit.
     """
     few = UNEVEN * terms
-    if system.n > LARGEST_DENSE or not any_less(system.least_size_of_terms(X), few):
+    if system.n > LARGEST_DENSE:
         return R, errors, terms
     sharp = np.fmin(terms, system.sizes_of_terms(X))
     if not np.any(sharp < few):

@@ -38,7 +38,7 @@ from toeplitz_mg.solvers.toeplitz.refinement import (
     solve_system,
 )
 from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
-from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem, any_less
+from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem
 from toeplitz_mg.values import real, refuse_masked
 
 UNUSED = 1100  # Minus the exponent given to zeros, smaller than that of any float64.
@@ -290,7 +290,7 @@ def _solve_short(
         info = SolveInfo(LEVINSON, iterations, max(residual, rounding), error / (terms + size))
         if residual <= (RTOL if rtol is None else rtol):
             return X, info
-        if any_less(system.least_size_of_terms(X), UNEVEN * terms):
+        if system.sizes_of_terms(X) < UNEVEN * terms:
             return None  # What rounding is relative to may be less than these terms.
         is_rounding = info.backward_error <= ROUNDING and residual <= ILL_CONDITIONED
         if is_rounding or is_answer(system, residual, info.backward_error, accepted, rtol):

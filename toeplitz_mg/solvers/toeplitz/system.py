@@ -4,32 +4,23 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.fft import next_fast_len
 from scipy.linalg.blas import dasum, idamax
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.engine.row_transforms import fft, ifft, irfft, rfft
+from toeplitz_mg.engine.row_transforms import fft, rfft
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.coefficients import ROUNDING, make_hermitian
 from toeplitz_mg.operators.positivity import may_be_positive
-from toeplitz_mg.preconditioners.circulant import (
-    chan_eigenvalues,
-    smooth_column,
-    smooth_eigenvalues,
-)
+from toeplitz_mg.preconditioners.circulant import chan_column, smooth_column
 from toeplitz_mg.preconditioners.traits import has_symbol, wraps_around
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
 from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form
 
 EPS = float(np.finfo(np.float64).eps)
 SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
-LONG = 2048  # Fewest unknowns of which a product in a domain of their own is faster than by FFT.
-PANELS = 2**17  # Fewest unknowns of which a product is in panels, and not by transforms at once.
-FEW = 8  # Most vectors for which the set-up of products of several is not worth it there.
 FEW_DIAGONALS = 32  # Most diagonals beside the main one by which a product is the fastest.
-SMALL = 256  # Most unknowns where a filled matrix is as fast, for several vectors.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 USUAL = 1e-60, 1e60  # Sizes whose products, quotients and squares neither over- nor underflow.
 
@@ -165,55 +156,31 @@ class ToeplitzSystem:
 
     @cached_property
     def samples(self) -> Array:
-        """Samples of the symbol, as `smooth_eigenvalues` returns them."""
-        if self.is_symmetric and self.n < PANELS:
-            return self._transform(smooth_column(self.c, self.r))
-        if self.fourier_form is None:
-            return smooth_eigenvalues(self.A)
-        samples = self.fourier_form.samples
-        return samples.real if self.is_hermitian else samples
+        """The eigenvalues of the circulant that `smooth_column` returns."""
+        return self._eigenvalues(smooth_column(self.c, self.r))
 
     @cached_property
     def means(self) -> Array:
-        """The eigenvalues of T. Chan's circulant, of a Hermitian A (see `chan_eigenvalues`)."""
-        n = self.n
-        if self.is_symmetric and n < PANELS:  # In fewer calls than by an operator.
-            weights = np.arange(n) / n
-            column = (1.0 - weights) * self.c
-            column[1:] += weights[1:] * self.c[:0:-1]
-            return self._transform(column)
-        if self.is_symmetric or self.fourier_form is None:
-            return chan_eigenvalues(self.A)
-        return self.fourier_form.means().real
+        """The eigenvalues of T. Chan's circulant."""
+        return self._eigenvalues(chan_column(self.c, self.r))
 
-    def _transform(self, column: Array) -> Array:
-        """Return the eigenvalues of a symmetric circulant, for θ = 0 … π, in few calls."""
-        count_transforms(1, len(column))
-        return rfft(column).real
+    def _eigenvalues(self, column: Array) -> Array:
+        """Return those of a circulant, of a real one up to the middle, as `chan_eigenvalues`."""
+        count_transforms(1, self.n)
+        eigenvalues = fft(column) if self.is_complex else rfft(column)
+        return eigenvalues.real if self.is_hermitian else eigenvalues
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
-        n, has_cosine_form = self.n, "cosine_form" in self.__dict__
-        if n < LONG and not has_cosine_form:
-            if X.ndim == 1:
-                return multiply_one(self.lags, X)
-            if n > SMALL and len(X) <= FEW:
-                return np.stack([multiply_one(self.lags, x) for x in X])
-        if n <= SMALL:
-            return X @ self._dense.T
-        if not has_cosine_form and sum(self.widths) <= FEW_DIAGONALS:
-            return self._multiply_by_band(X)
-        if self.is_symmetric and (n < PANELS or has_cosine_form):
+        if "cosine_form" in self.__dict__:
             return self.cosine_form.multiply(X)
-        if not self.is_symmetric and self.fourier_form is not None:
-            return self.fourier_form.multiply(X)
-        return self.A.apply(X)
-
-    def _multiply_by_band(self, X: Rows) -> Rows:
-        _, above = self.widths
-        inner = slice(above, above + self.n)
-        Y = [np.convolve(x, self.band)[inner] for x in np.atleast_2d(X)]
-        return np.stack(Y).reshape(X.shape)
+        if self.n <= SHORT:
+            return multiply_by_definition(self.lags, X) if X.ndim == 1 else X @ self._dense.T
+        if sum(self.widths) <= FEW_DIAGONALS:
+            above = self.widths[1]
+            Y = [np.convolve(x, self.band)[above : above + self.n] for x in np.atleast_2d(X)]
+            return np.stack(Y).reshape(X.shape)
+        return self.A.apply(X) if self.fourier_form is None else self.fourier_form.multiply(X)
 
     def multiply_sharply(self, X: Rows) -> Rows:
         """Multiply rows by A, by its definition: rounding is that of the terms of each sum alone.
@@ -252,14 +219,6 @@ class ToeplitzSystem:
         most = EPS if self.n <= SHORT else 2.0 * EPS
         return (most * norm(self.lags) + self._asymmetry) / self.size
 
-    def least_size_of_terms(self, X: Rows) -> Array | float:
-        """Return a lower bound of `sizes_of_terms`, in fewer calls: half of the lags meet half."""
-        n, half = self.n, self.n // 2
-        measure = norms if self.parts == 2 else self.measure
-        heads, tails = measure(X[..., : n - half]), measure(X[..., half:])
-        below, above = self.lags[n - 1 : n + half], self.lags[n - 1 - half : n - 1]
-        return self._join(heads * sum_sizes(below) + tails * sum_sizes(above))
-
     def _measure_both(self, X: Rows) -> Array | float:
         return self._join(norms(X))
 
@@ -288,22 +247,6 @@ def _last_nonzero(a: Array) -> int:
     return int(np.flatnonzero(a).max(initial=0))
 
 
-def multiply_one(lags: Array, x: Array) -> Array:
-    """Multiply a vector in few calls: by the definition, or a circulant with A as a block."""
-    n, of_lags = len(x), len(lags)
-    if n <= SHORT:
-        return multiply_by_definition(lags, x)
-    is_complex = lags.dtype.kind == "c"
-    forward, back = (fft, ifft) if is_complex else (rfft, irfft)
-    m = next_fast_len(of_lags, real=not is_complex)
-    rows = np.zeros((2, m), lags.dtype)
-    rows[0, :of_lags], rows[1, :n] = lags, x
-    count_transforms(3, m)
-    a, y = forward(rows)
-    y *= a
-    return back(y, m)[n - 1 : of_lags]
-
-
 def multiply_by_definition(lags: Array, x: Array) -> Array:
     """Multiply a vector by the matrix of these lags, each number by a sum of n terms."""
     # This is `numpy.convolve`, which for some unknowns takes twice as long.
@@ -318,14 +261,8 @@ def norms(X: Rows) -> Array | float:
 
 def sum_sizes(a: Array) -> float:
     """Return the sum of the sizes of numbers; of few real ones BLAS has it in fewer calls."""
-    is_short = 0 < len(a) <= 2 * LONG and a.dtype.char == "d"
+    is_short = 0 < len(a) <= 8 * SHORT and a.dtype.char == "d"
     return dasum(a) if is_short else float(np.abs(a).sum())
-
-
-def any_less(values: Array | float, bounds: Array | float) -> bool:
-    """Return whether any of these numbers is less than its bound."""
-    less: Any = values < bounds
-    return less if isinstance(less, bool) else bool(less.any())
 
 
 def largest(values: Array | float) -> float:
