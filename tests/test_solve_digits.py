@@ -299,10 +299,10 @@ def test_a_residual_is_at_most_twice_what_is_told(name, n):
 @pytest.mark.parametrize("dtype", [float, complex])
 @pytest.mark.parametrize("n", [1, 2, 100, 2001])
 def test_a_matrix_that_is_symmetric_but_for_rounding_is_solved_as_that(dtype, n):
-    c = column("0.9^k", n).astype(dtype) * np.exp(0.3j * (dtype is complex) * np.arange(n))
+    c = column("0.9^k", n) * (np.exp(0.3j * np.arange(n)) if dtype is complex else 1.0)
     r, b = c.conj() * (1.0 + EPS * random(n).clip(-1.0, 1.0)), random(n)
     x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
-    assert_allclose(x, tmg.solve_toeplitz((c, c.conj()), b), rtol=1e-12, atol=1e-13)
+    assert_allclose(x, tmg.solve_toeplitz((c, c.conj()), b), atol=1e-12 * np.abs(x).max())
     assert info.residual <= 1e-13
 
 

@@ -65,13 +65,12 @@ def test_the_impulse_response_of_a_filter(pole, n):
     assert_allclose(several, np.stack([x, 2.0 * x], axis=1), rtol=1e-14)
 
 
-@pytest.mark.parametrize("upper", [False, True])
-def test_a_signal_that_a_recursion_loses_is_warned_of(upper):
-    """That which the errors make grows as 2^k, and x does not."""
+def test_a_signal_that_a_recursion_loses_is_warned_of():
+    """What the errors make grows as 2^k, and x does not."""
     taps, x = np.array([1.0, -2.5, 1.0]), np.random.default_rng(0).random(300)
     c, b = np.pad(taps, (0, 297)), np.convolve(taps, x)[:300]
     with pytest.warns(scipy.linalg.LinAlgWarning, match="A is ill-conditioned"):
-        tmg.solve_toeplitz((unit(300), c) if upper else (c, unit(300)), b[::-1] if upper else b)
+        tmg.solve_toeplitz((c, unit(300)), b)
 
 
 @pytest.mark.parametrize("dtype", [float, complex])
