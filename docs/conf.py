@@ -46,6 +46,7 @@ PACKAGES = {
     "toeplitz_mg.contact": "Contact",
     "toeplitz_mg.contact.surfaces": "Surfaces",
     "toeplitz_mg.paper.problems": "Problems of the paper, contact.problems",
+    "toeplitz_mg.paper.algorithm": "The paper in one file",
     "toeplitz_mg.halfspace": "Half-spaces",
     "toeplitz_mg.fractional": "Fractional derivatives",
     "toeplitz_mg.slabs": "Several machines",

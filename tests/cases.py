@@ -20,6 +20,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
+from toeplitz_mg.paper import algorithm
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,15 +206,14 @@ def dense_M(kernel):
 
 
 def dense_rsm(M, gamma):
-    return M - np.diag(M.sum(axis=1) - gamma)
+    return algorithm.modify_row_sums(M, M.sum(axis=1), gamma)(np.eye(len(M)))
 
 
 def dense_sd(A, M, m):
     Z = np.zeros((len(A), m))
     for j, part in enumerate(np.array_split(np.arange(len(A)), m)):
         Z[part, j] = 1.0
-    E = Z.T @ M @ A @ Z
-    return (np.eye(len(A)) - M @ A @ Z @ np.linalg.inv(E) @ Z.T) @ M
+    return algorithm.deflate(A, M, Z)(np.eye(len(A)))
 
 
 def dense_chan(lags):

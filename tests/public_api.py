@@ -20,6 +20,7 @@ PACKAGES = (
     "toeplitz_mg.halfspace",
     "toeplitz_mg.contact",
     "toeplitz_mg.contact.surfaces",
+    "toeplitz_mg.paper.algorithm",
     "toeplitz_mg.paper.problems",
     "toeplitz_mg.paper.published",
     "toeplitz_mg.slabs",

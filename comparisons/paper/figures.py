@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy import fft
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons.harness.report import Row, Table, write_csv, write_figure
 from toeplitz_mg._typing import Array
+from toeplitz_mg.paper.algorithm import column_of_inverse
 
 N = 32  # Number of elements in all figures but the third.
 ELEMENT = np.arange(1, N + 1)
@@ -107,8 +107,7 @@ def figure_03() -> Figure:
     inverse = np.linalg.inv(A.toarray())
     figure, (left, right) = subplots(2, "element", "traction, for G = 1")
     for K, style in {1: "rD-", 3: "bo-", 8: "g^-", 12: "ks-"}.items():
-        u = np.concatenate([np.zeros(n - 1), np.eye(n)[K - 1]])
-        c, m = inverse[:, K - 1], fft.ifft(fft.fft(u) / fft.fft(A.lags)).real
+        c, m = inverse[:, K - 1], column_of_inverse(A.c, K)
         for panel, y in ((left, c), (right, m)):
             (line,) = panel.plot(np.arange(1, len(y) + 1), y, style, label=f"K = {K}")
             line.set(markersize=5, markerfacecolor="none", linewidth=0.5)

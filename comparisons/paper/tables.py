@@ -5,13 +5,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, aslinearoperator
+from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from comparisons.harness.measuring import solve
 from comparisons.harness.report import Row, Table, format_cells, group
-from toeplitz_mg._typing import Array, Preconditioner
-from toeplitz_mg.paper import problems, published
+from toeplitz_mg._typing import Preconditioner
+from toeplitz_mg.paper import algorithm, problems, published
 from toeplitz_mg.paper.problems import TESTS
 
 CYCLES = {"V(1,1)": (1, 1), "V(1,0)": (1, 0), "V(0,1)": (0, 1)}
@@ -31,36 +31,12 @@ SOLVER_TABLES = {"7": (1, 2), "9": (3,)}  # Of the smoother as a solver: tests.
 
 
 def papers_cycle(problem: problems.Problem, cycle: str, smoother: Preconditioner) -> LinearOperator:
-    """Return the cycle as in the paper: coarse grids discretised anew, down to 2 x 1.
-
-    With the plain FFT smoother, which Table I is about, it is made densely here, as `multigrid`
-    keeps a smoother that diverges off the small grids.
-    """
-    if smoother is tmg.fft_preconditioner:
-        return aslinearoperator(_dense_cycle(problem, *CYCLES[cycle]))
+    """Return the cycle as in the paper: coarse grids discretised anew, down to 2 x 1."""
     pre, post = CYCLES[cycle]
     coarsen = tmg.rediscretised(problem.operator_of_grid_shape)
     return tmg.multigrid(
         problem.A, smoother=smoother, pre=pre, post=post, coarsest=2, coarsen=coarsen
     )
-
-
-def _dense_cycle(problem: problems.Problem, pre: int, post: int) -> Array:
-    """Return the matrix of a cycle, by its equations."""
-
-    def cycle(A: LinearOperator) -> Array:
-        matrix, one = A.toarray(), np.eye(A.shape[0])
-        if len(matrix) <= 2:
-            return np.linalg.inv(matrix)
-        M = tmg.fft_preconditioner(A) @ one
-        P = np.kron(np.eye(len(matrix) // 2), np.ones((2, 1)))  # Copies; the restriction averages.
-        coarse = P @ cycle(problem.operator_of_grid_shape((len(matrix) // 2,))) @ P.T / 2.0
-        error = one
-        for B in (*[M] * pre, coarse, *[M] * post):
-            error = (one - B @ matrix) @ error
-        return (one - error) @ np.linalg.inv(matrix)
-
-    return cycle(problem.A)
 
 
 def measure(
@@ -90,11 +66,14 @@ def measure(
 
 
 def spectral_radii(cycle: str) -> Iterator[tuple[int, float]]:
-    """Yield n and ρ(I - B A) of Table I, B the cycle with the plain FFT smoother."""
+    """Yield n and ρ(I - B A) of Table I, B the cycle with the plain FFT smoother.
+
+    By `algorithm`, as `multigrid` keeps a smoother that diverges off the small grids.
+    """
     for n in published.SPECTRAL_RADII[cycle]:
-        problem = problems.test1(n)
-        B = papers_cycle(problem, cycle, tmg.fft_preconditioner) @ np.eye(n)
-        iteration = np.eye(n) - B @ problem.A.toarray()
+        levels, one = algorithm.grids(1, n, algorithm.fft_smoother), np.eye(n)
+        A, _ = levels[0]
+        iteration = one - algorithm.cycle(levels, A @ one, *CYCLES[cycle])
         yield n, float(np.abs(np.linalg.eigvals(iteration)).max())
 
 
