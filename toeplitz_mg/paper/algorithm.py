@@ -138,12 +138,12 @@ def grids(
     return [(A, smoother(A, approximate_inverse(A))) for A in matrices]
 
 
-def solve(A: Matrix, u: Array, step: Smoother, most: int = 100) -> tuple[Array, int, float]:
+def solve(A: Matrix, u: Array, step: Smoother, p: Array | None = None) -> tuple[Array, int, float]:
     """Return p, the iterations k and the convergence factor q, to ‖u - A p‖/‖u‖ ≤ 1e-8 (5)."""
-    p = np.random.default_rng(0).random(len(u))
+    p = np.random.default_rng(0).random(len(u)) if p is None else p  # The guess is random there.
     r = first = u - A @ p
     k = 0
-    while np.linalg.norm(r) > 1e-8 * np.linalg.norm(u) and k < most:
+    while np.linalg.norm(r) > 1e-8 * np.linalg.norm(u) and k < 100:
         p = p + step(r)  # (11)
         r, k = u - A @ p, k + 1
     return p, k, float(np.linalg.norm(r) / np.linalg.norm(first)) ** (1.0 / k)
