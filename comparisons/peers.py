@@ -82,7 +82,10 @@ class Problem:
     @cached_property
     def matrix(self) -> Any:
         """The matrix of the displacements by the tractions."""
-        return self.grid.tangential() if self.shift else self.grid.normal()
+        if self.shift:
+            return self.grid.tangential()
+        A, unit = self.grid.scaled_normal()
+        return unit * A
 
     def violation(self, q: Array, bound: Array | None) -> float:
         """Return how far tractions, in friction with a bound, violate the conditions of contact."""

@@ -94,8 +94,8 @@ def repeated_problem(rng: Generator) -> Outcome:
     except ContactError as error:
         return Outcome("repeated", FAILED, f"{shape}, {periodic}: {error}")
     # Along one axis of two the matrix is no public function: by Fourier integrals.
-    A = Grid.of(shape, element, material, None, periodic).normal().toarray()
-    wrong = pressure_error(result, A, gap, arguments.get("hardness", np.inf))
+    A, unit = Grid.of(shape, element, material, None, periodic).scaled_normal()
+    wrong = pressure_error(result, unit * A.toarray(), gap, arguments.get("hardness", np.inf))
     force = arguments.get("force", result.force)
     if not wrong and abs(result.force - force) > 1e-8 * force:
         wrong = f"force {result.force / force:.9f}"

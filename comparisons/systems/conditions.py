@@ -48,14 +48,14 @@ def measure(results: Sequence[ContactResult], gap: Array | None, bound: Array | 
 def of_pressures(result: NormalResult, gap: Array, sheared: Sequence[TangentialResult]) -> float:
     """Return the violation of p ≥ 0, w ≥ 0, p w = 0, over the interference."""
     grid, p = _grid_of(result), result.pressure
-    A = grid.normal()
-    w = gap + _multiply(A, p)
+    A, unit = grid.scaled_normal()
+    w = gap + unit * _multiply(A, p)
     for tangential in sheared:
         for C, q in zip(grid.coupling(), _components(tangential), strict=False):
             if C is not None:  # By reciprocity the transpose, which is minus itself.
                 w -= _multiply(C, q)
     approach = float((p * w).sum() / p.sum())
-    wrong = np.abs(np.minimum(w - approach, grid.diagonal(A) * p)).max()
+    wrong = np.abs(np.minimum(w - approach, unit * p)).max()
     return float(wrong) / (result.approach - float(gap.min()))
 
 

@@ -73,7 +73,7 @@ def test_coefficients_are_those_of_the_rows(comm):
     assert unit == c[0, 0]
     x = np.random.default_rng(2).standard_normal(whole.shape)
     y = A.apply(x[grid.slab.rows].reshape(-1))
-    expected = (whole.normal() @ x.ravel() / unit).reshape(whole.shape)[grid.slab.rows]
+    expected = (whole.scaled_normal()[0] @ x.ravel()).reshape(whole.shape)[grid.slab.rows]
     assert_allclose(y, expected.ravel(), atol=1e-13 * np.abs(expected).max())
 
 

@@ -2,25 +2,25 @@
 
 A circulant's eigenvalues are split into factors of the lags from zero on and from zero down; the
 inverse that is made of them is exact at both edges of what may change, and with an addition to the
-diagonal it is interpolated. On small grids the transforms are products with matrices.
+diagonal it is interpolated.
 """
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.fft import next_fast_len
 
 from toeplitz_mg.contact import Material
-from toeplitz_mg.contact.circulants import (
-    Circulants,
+from toeplitz_mg.halfspace import influence_matrix
+from toeplitz_mg.preconditioners.causal import (
+    FieldTransform,
+    ShiftedInverses,
     fade_rate,
     find_causal_factor,
     find_lengths,
     find_spectrum,
+    interpolate,
 )
-from toeplitz_mg.contact.shifted_inverses import ShiftedInverses, interpolate
-from toeplitz_mg.contact.short_transforms import ShortProduct, ShortTransforms
-from toeplitz_mg.halfspace import influence_matrix
-from toeplitz_mg.operators import CoupledOperator
 
 BODY = Material.from_shear(2.0, 0.3)
 
@@ -63,16 +63,16 @@ def test_no_eigenvalue_is_near_zero_or_negative(shape):
 def test_the_inverse_is_exact_at_both_edges_of_what_may_change(shape):
     """Of a product of factors of few lags along the rolling direction, of which little is far."""
     a, b, n = 0.4, 0.3, shape[0]
-    circulants = Circulants(shape, np.float64)
-    length, *across = circulants.lengths
+    lengths = length, *across = find_lengths(shape)
     w = np.exp(-2j * np.pi * np.arange(length) / length - fade_rate(length))
     spectrum = (1.0 - a * w) * (1.0 - b / w)
     if across:
         spectrum = np.tile(spectrum[:, None], across[0] // 2 + 1)
     else:
         spectrum = spectrum[None, : length // 2 + 1]
-    causal = find_causal_factor(1.0 / spectrum, circulants.lengths)
-    M = ShiftedInverses(circulants, [spectrum], [causal], 1.0 + a * b)
+    causal = find_causal_factor(1.0 / spectrum, lengths)
+    transform = FieldTransform(shape, lengths, np.float64)
+    M = ShiftedInverses(transform, lengths, np.arange(n), [spectrum], [causal], 1.0 + a * b)
     # The grid goes on behind either edge, by so much that it is as good as without an end.
     inside = np.zeros(shape, bool)
     inside[20:40] = True
@@ -136,25 +136,4 @@ def test_inverses_are_interpolated_over_what_the_diagonal_leaves_of_them():
 def test_lengths_are_no_longer_than_all_lags():
     for n in range(1, 30):
         for length in find_lengths((n, n)):
-            assert n <= length <= 2 * n - 1
-
-
-@pytest.mark.parametrize(("dtype", "rounding"), [(np.float32, 1e-5), (np.float64, 1e-13)])
-@pytest.mark.parametrize("shape", [(6, 5), (1, 4), (7, 1), (9, 14)])
-def test_short_transforms_and_their_products_are_the_dense_ones(shape, dtype, rounding):
-    x = np.random.default_rng(0).standard_normal((3, *shape)).astype(dtype)
-    # Odd, whether more than half of it is zeros, or none.
-    lengths = 2 * shape[0] - 1, shape[1] | 1
-    transforms = ShortTransforms(shape, dtype, lengths)
-    X, expected = transforms.forward(x), np.fft.rfft2(x, lengths)
-    assert_allclose(X, expected, atol=rounding * np.abs(expected).max())
-    assert_allclose(transforms.back(X), x, atol=rounding * np.abs(x).max())
-    K = rolling_on(shape)
-    short = CoupledOperator(K.blocks, product=ShortProduct.of(K)).astype(dtype)
-    # The circulant that embeds the matrix is larger than it.
-    assert short.norm_bound >= np.linalg.norm(K.toarray(), 2) * (1.0 - rounding)
-    for matrix, dense in ((short, K.toarray()), (short.H, K.toarray().T)):
-        y = matrix @ x[0].repeat(2).ravel()
-        assert y.dtype == dtype
-        expected = dense @ x[0].repeat(2).ravel()
-        assert_allclose(y, expected, atol=rounding * np.abs(expected).max())
+            assert n <= length <= next_fast_len(2 * n - 1)

@@ -97,8 +97,8 @@ def test_what_ranks_roll_by_differently_is_refused(comm):
     slab, last = slabs.Slab(comm, (24, 16)), comm.size - 1
     field = None if comm.rank else np.full((2, *slab.local), 1e-5)
     for motion, text in (
-        ({"slip": field}, "whether there is a field of slip is True on rank 0 and False on rank 1"),
-        ({"longitudinal": 1e-4 if comm.rank == last else 2e-4}, "the creepages is (0.0002, 0.0,"),
+        ({"slip": field}, "slip is given on rank 0 and None on rank 1"),
+        ({"longitudinal": 1e-4 if comm.rank == last else 2e-4}, "creepages is (0.0002, 0.0,"),
     ):
         for function, more in ((slabs.rolling, {}), (slabs.rolling_steps, {"steps": 1})):
             case = {"material": STEEL, "longitudinal": 1e-4, **motion, **more}

@@ -6,14 +6,13 @@ for them at their own input and answer; the coarser grids within are nobody's co
 
 import warnings
 from collections.abc import Iterator
-from functools import lru_cache
 from math import prod
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.kept import KEPT
+from toeplitz_mg.contact.kept import keep
 
 FEWEST = 10  # Elements across a contact below which its area and pressures are rough guesses.
 STEEP = 1.0  # Slope from which the gap is steep: half-spaces are for slopes far below it.
@@ -61,17 +60,14 @@ def examine_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tu
 def examine_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
     """Return the doubts about a tangential problem whose bound says that this is in contact.
 
-    Where the bound ends is given, so that the edge of the grid is of no importance. Those about a
-    small grid are kept for the next case.
+    Where the bound ends is given, so that the edge of the grid is of no importance.
     """
-    if grid.is_kept:
-        return _keep_doubts(grid, contact.tobytes())
-    return (*_check_resolution(grid, contact), *_check_coupling(grid))
+    return _examine_elements(grid, contact.tobytes())
 
 
-@lru_cache(maxsize=KEPT)
-def _keep_doubts(grid: Grid, contact: bytes) -> tuple[str, ...]:
-    elements = np.frombuffer(contact, bool).reshape(grid.shape)
+@keep
+def _examine_elements(grid: Grid, contact: bytes) -> tuple[str, ...]:
+    elements = np.frombuffer(contact, bool).reshape(-1, *grid.shape[1:])
     return (*_check_resolution(grid, elements), *_check_coupling(grid))
 
 

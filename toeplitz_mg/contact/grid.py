@@ -1,6 +1,5 @@
 """The potential contact area: a grid of elements on the half-space, and its matrices."""
 
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from math import prod
 from typing import Any, Self
@@ -8,28 +7,31 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import DTypeLike
 
-from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array, Element, Mask
-from toeplitz_mg.contact import kept
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
-from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
-from toeplitz_mg.contact.steady_matrices import SteadyArray, subtract_operators
+from toeplitz_mg.contact.kept import keep
+from toeplitz_mg.contact.steady_matrices import SteadyArray
 from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.contact.window import Window, box_around, ends_of
 from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.halfspace.combined import combine
-from toeplitz_mg.halfspace.matrices import coupling_matrices, quadrant
+from toeplitz_mg.halfspace.matrices import (
+    assemble,
+    coupling_matrices,
+    evaluate_all,
+    quadrant,
+)
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.candidates import quick_fsai
+from toeplitz_mg.preconditioners.causal import ShiftedInverses
 from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import in_range
 
 SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyte each, at most.
-DENSE = 300  # Most unknowns of a matrix that is kept as an array, to be solved directly.
-SHORT = 40  # Elements along an axis up to which tangential products are by matrices.
+DENSE = 400  # Most unknowns of a matrix that is kept as an array, to be solved directly.
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
 COARSEST_LINE = 256  # Those of a line, where products take little beside the calls of more grids.
 
@@ -109,6 +111,11 @@ class Grid:
         return len(self.directions)
 
     @property
+    def is_small(self) -> bool:
+        """Whether what is computed of the grid is kept for the next case on it."""
+        return prod(self.shape) <= SMALL
+
+    @property
     def has_free_mean(self) -> bool:
         """Whether a mean pressure moves the surface by any distance, as of one without ends."""
         return any(self.periodic) and self._waves.are_all
@@ -148,10 +155,6 @@ class Grid:
             for n, repeats in zip(self.shape, self.periodic, strict=True)
         )
 
-    def agree(self) -> AbstractContextManager[dict[str, Any]]:
-        """Return what checks of arguments are made in (see `slabs.Slab.agree`)."""
-        return nullcontext({})
-
     def coarsen(self, x: Array) -> Array:
         """Return the averages of a field, of any components, on the coarser grid."""
         return coarsen(x, self.halved, self.library.xp)
@@ -173,21 +176,22 @@ class Grid:
         """Return how long the edge of some elements is (see `traits.fragmentation`)."""
         return fragmentation(self.library.to_numpy(C))
 
-    def normal(self) -> ToeplitzOperator:
-        """Return the matrix of the normal displacements by the pressures (Eq. 6-7)."""
-        if any(self.periodic):
-            return self._waves.normal()[0]
-        return ToeplitzOperator(self.normal_coefficients())
-
     def normal_coefficients(self) -> Array:
         """Return the first column of the matrix of normal contact, in the shape of the grid."""
         return quadrant("zz", self.shape, self.element, self.material, self.reference)
 
+    @keep
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
-        """Return the matrix of normal contact over its diagonal, and that."""
+        """Return the matrix of the normal displacements by the pressures, scaled (Eq. 6-7).
+
+        It is over its diagonal, which is returned beside it.
+        """
         if any(self.periodic):
-            return self._waves.normal(is_scaled=True)
-        return (kept.scaled_normal if self.is_kept else kept.scale_normal)(self)
+            return self._waves.normal()
+        c = self.normal_coefficients()
+        unit = float(c.flat[0])
+        c /= unit
+        return ToeplitzOperator(self.library.from_numpy(c)), unit
 
     def scaled_inverse(self) -> tuple[ToeplitzOperator, float]:
         """Return the pressures by the displacements over their diagonal, and that.
@@ -196,18 +200,20 @@ class Grid:
         """
         return self._waves.inverse_of_normal()
 
+    @keep
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
         if any(self.periodic):
             return self._waves.tangential()
-        return self._matrix(self.directions)
+        return self._matrix(0)
 
+    @keep
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
         When the contact rolls towards positive x, what is here now was there one step before.
         """
-        return self._matrix(self.directions, ahead=1)
+        return self._matrix(1)
 
     def coupling(self, ahead: int = 0) -> tuple[ToeplitzOperator | None, ...]:
         """Return the matrices of the tangential displacements by the pressures, by components."""
@@ -215,35 +221,31 @@ class Grid:
             self.directions, self.shape, self.element, self.material, ahead=ahead
         )
 
+    @keep
     def steady(self, A: Any) -> Any:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
-        return kept.steady(self) if self.is_kept else subtract_operators(A, self.upstream())
+        return A - self.upstream()
 
     def steady_array(self, contact: Mask) -> SteadyArray | None:
         """Return the matrix of steady rolling as an array where it is small, or else None."""
-        n = self.components * np.count_nonzero(contact)
-        if not (self.is_kept and 0 < n <= DENSE):
-            return None
-        return kept.steady_array(self, contact.tobytes())
+        if self.is_small and 0 < self.components * np.count_nonzero(contact) <= DENSE:
+            return self._steady_array(contact.tobytes())
+        return None
 
+    @keep
+    def _steady_array(self, contact: bytes) -> SteadyArray:
+        K = self.steady(self.tangential())
+        return SteadyArray(K, np.frombuffer(contact, bool).reshape(self.shape))
+
+    @keep
     def invert_shifted(self, K: Any, dtype: DTypeLike) -> Any:
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        if not self.is_kept:
-            return ShiftedInverses.of(K, dtype)
-        return kept.shifted_inverses(self, np.dtype(dtype))
+        return ShiftedInverses.of(K, dtype)
 
-    @property
-    def is_short(self) -> bool:
-        """Whether the grid is of a surface, and so small that transforms are by matrices."""
-        return len(self.shape) == 2 and max(self.shape) <= SHORT
-
+    @keep
     def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid."""
-        if any(self.periodic):
-            return self._waves.invert(A, dtype)
-        if not self.is_kept:
-            return cosine_preconditioner(A, dtype=dtype)
-        return kept.inverse_by_transform(A, A.dtype if dtype is None else np.dtype(dtype))
+        return (self._waves.invert if any(self.periodic) else cosine_preconditioner)(A, dtype=dtype)
 
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
@@ -264,23 +266,18 @@ class Grid:
         return sum(n > 1 for n in self.shape) <= 1
 
     @property
-    def is_kept(self) -> bool:
-        """Whether the matrices are kept for the next case on the same grid."""
-        return prod(self.shape) <= SMALL
-
-    @property
     def _waves(self) -> Waves:
         """What the matrices of a surface that repeats are made of."""
         return Waves(self.shape, self.element, self.material, self.periodic, self.reference)
 
-    def _matrix(self, directions: str, ahead: int = 0) -> Any:
-        if self.is_kept:
-            return kept.tangential(self, directions, ahead)
-        return halfspace.influence_matrix(
-            directions,
-            self.shape,
-            self.element,
-            self.material,
-            reference=self.reference,
-            ahead=ahead,
-        )
+    def _matrix(self, ahead: int) -> Any:
+        """Return the matrix of tangential displacements, so many elements ahead."""
+        coefficients = self._coefficients().items()
+        own = {name: c[: self.shape[0] + ahead] for name, c in coefficients}
+        return assemble(self.directions, own, ahead)
+
+    @keep
+    def _coefficients(self) -> dict[str, Array]:
+        """Return the coefficients of a grid that is one element longer, which has those ahead."""
+        longer = (self.shape[0] + 1, *self.shape[1:])
+        return evaluate_all(self.directions, longer, self.element, self.material, self.reference)

@@ -12,7 +12,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_hardness, check_iteration, check_load
 from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.normal.problem import press
+from toeplitz_mg.contact.normal.problem import Pressed, press
 from toeplitz_mg.contact.result import NormalResult, check_converged
 from toeplitz_mg.values import field
 
@@ -111,18 +111,9 @@ def load_curve(
             begins = known if after <= alone else ()
             if len(known) == 1 and not known_load / LEAP < load < known_load * LEAP:
                 begins = ()
-            result = press(
-                grid,
-                z + dents,
-                approach,
-                force,
-                tolerance,
-                nested,
-                max_products,
-                progress,
-                begins,
-                hardness,
-            )
+            search, gap = (tolerance, nested, max_products, progress), z + dents
+            asked = Pressed.of(grid, gap, approach, force, *search, begins, hardness)
+            result = press(grid, gap, asked, progress)
             if result.plastic is not None:
                 dents = dents + result.plastic
                 result = replace(result, plastic=dents)

@@ -1,4 +1,4 @@
-"""The matrix of steady rolling, as an operator and as an array."""
+"""The matrix of steady rolling as an array."""
 
 from functools import cached_property
 from typing import Any
@@ -8,20 +8,8 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_work
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
-
-
-def subtract_operators(A: Any, S: Any) -> Any:
-    """Return A - S, of Toeplitz operators or coupled ones; None is zero, as in their blocks."""
-    if S is None:
-        return A
-    if isinstance(S, CoupledOperator):
-        pairs = (zip(*rows, strict=True) for rows in zip(A.blocks, S.blocks, strict=True))
-        return CoupledOperator([[subtract_operators(a, s) for a, s in row] for row in pairs])
-    # On a single row of elements S couples the components, and A does not.
-    return ToeplitzOperator.from_lags(-S.lags if A is None else A.lags - S.lags)
 
 
 class SteadyArray:

@@ -35,9 +35,9 @@ class Waves:
         """Whether all that moves is a wave: the surface repeats, and nothing of it ends."""
         return all(self.periodic) and len(self.element) == len(self.shape)
 
-    def normal(self, *, is_scaled: bool = False) -> tuple[ToeplitzOperator, float]:
-        """Return the matrix of normal contact, over its diagonal if so wanted, and that."""
-        return self._matrix("zz", is_scaled=is_scaled)
+    def normal(self) -> tuple[ToeplitzOperator, float]:
+        """Return the matrix of normal contact over its diagonal, and that."""
+        return self._matrix("zz", is_scaled=True)
 
     def inverse_of_normal(self) -> tuple[ToeplitzOperator, float]:
         """Return the pressures by the displacements over their diagonal, and that.

@@ -5,6 +5,7 @@ few elements is solved by every rank alone.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
 from inspect import signature
 from typing import Any
 
@@ -15,11 +16,11 @@ from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_bound
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.normal.problem import press
+from toeplitz_mg.contact.normal.problem import Pressed, press
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.tangential.friction import shift_bodies
-from toeplitz_mg.contact.tangential.rolling import compare_loads, roll
-from toeplitz_mg.contact.tangential.steps import roll_steps
+from toeplitz_mg.contact.tangential.friction import Shifted, shift_bodies
+from toeplitz_mg.contact.tangential.rolling import Rolled, compare_loads, roll
+from toeplitz_mg.contact.tangential.steps import Stepped, roll_steps
 from toeplitz_mg.slabs.grid import SlabGrid
 from toeplitz_mg.slabs.slab import Slab, require_slab
 from toeplitz_mg.values import field
@@ -68,7 +69,8 @@ def normal_contact(
     """
     names = ("approach", "force", *SEARCH)
     grid, z, how = _begin(contact.normal_contact, names, gap, slab, element, material, arguments)
-    return _check(press(grid, z, **how), how)
+    asked = _agree(slab, Pressed.of, grid, z, **how)
+    return _check(press(grid, z, asked, how["progress"]), how)
 
 
 def friction(
@@ -102,7 +104,8 @@ def friction(
     """
     names = ("shift", "force", "previous", *SEARCH)
     grid, g, how = _begin(contact.friction, names, bound, slab, element, material, arguments)
-    return _check(shift_bodies(grid, g, **how), how)
+    asked = _agree(slab, Shifted.of, grid, g, **how)
+    return _check(shift_bodies(grid, g, asked, how["progress"]), how)
 
 
 def rolling(
@@ -134,7 +137,7 @@ def rolling(
     """
     names = (*MOTION, "moment", *SEARCH, "options")
     grid, g, how = _begin(contact.rolling, names, bound, slab, element, material, arguments)
-    result = roll(grid, g, **how)
+    result = roll(grid, g, _agree(slab, Rolled.of, g.shape, **how), how["progress"])
     _, force, moment, *_ = how["asked"]
     return _check(result, how, compare_loads(result, force, moment))
 
@@ -163,7 +166,7 @@ def rolling_steps(
     """
     names = (*MOTION, "steps", "previous", "tolerance", "max_products", "progress")
     grid, g, how = _begin(contact.rolling_steps, names, bound, slab, element, material, arguments)
-    return roll_steps(grid, g, **how)
+    return roll_steps(grid, g, _agree(slab, Stepped.of, grid, g.shape, **how), how["progress"])
 
 
 def _begin(
@@ -203,6 +206,28 @@ def _begin(
         whole = Grid.of(slab.shape, element, material, None)
         same["element"], same["material"] = whole.element, whole.material
     return SlabGrid(whole, slab), x, how
+
+
+def _agree(slab: Slab, read: Callable[..., Any], *where: Any, **how: Any) -> Any:
+    """Return the arguments that are read, which all ranks refuse, or have alike."""
+    with slab.agree() as same:
+        asked = read(*where, **how)
+        same.update(_describe(asked))
+    return asked
+
+
+def _describe(asked: Any) -> dict[str, Any]:
+    """Return what has to be the same on all ranks; of fields and results whether they are given."""
+    told: dict[str, Any] = {}
+    for part in fields(asked):
+        value = getattr(asked, part.name)
+        if is_dataclass(value) and part.compare:
+            told |= _describe(value)
+        elif part.compare or value is None:
+            told[part.name] = value
+        else:
+            told[part.name] = "given"
+    return told
 
 
 def _check(result: Any, how: dict[str, Any], reached: str = "") -> Any:

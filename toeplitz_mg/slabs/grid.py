@@ -11,9 +11,9 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.contact.window import box_around, ends_of
 from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
+from toeplitz_mg.preconditioners.causal import ShiftedInverses
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.slabs.circulants import invert_shifted
 from toeplitz_mg.slabs.coupled import CoupledOperator
@@ -40,10 +40,11 @@ class SlabGrid:
     slab : Slab
     """
 
-    is_kept = is_short = is_line = False
+    is_small = False  # Nothing is kept: ranks without it would wait for those that have it.
+    is_line = False
 
     def __init__(self, whole: Grid, slab: Slab) -> None:
-        self.whole, self.slab, self.vectors, self.agree = whole, slab, slab.vectors, slab.agree
+        self.whole, self.slab, self.vectors = whole, slab, slab.vectors
         self.shape, self.element, self.material = whole.shape, whole.element, whole.material
         self.area, self.components, self.directions = whole.area, whole.components, whole.directions
         self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean

@@ -8,9 +8,9 @@ The elements in contact are found by `active_set`, from a first guess that `solv
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -174,19 +174,9 @@ def normal_contact(
     if library is not NUMPY:
         _check_library(library, name, surface, grid)
     before = () if previous is None else (previous,)
-    result = press(
-        grid,
-        z,
-        approach,
-        force,
-        tolerance,
-        nested,
-        max_products,
-        progress,
-        before,
-        hardness,
-        library=library,
-    )
+    search = tolerance, nested, max_products, progress
+    asked = Pressed.of(grid, z, approach, force, *search, before, hardness)
+    result = press(grid, z, asked, progress, library)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
@@ -198,53 +188,71 @@ def _check_library(library: Library, name: str, surface: Any, grid: Grid) -> Non
     library.require(f"the search with {name}", np.float64)
 
 
+@dataclass(frozen=True)
+class Pressed:
+    """Arguments of `normal_contact`, checked; see there."""
+
+    approach: float | None
+    force: float | None
+    hardness: float | None
+    tolerance: float
+    nested: bool
+    max_products: int
+    previous: Sequence[NormalResult] = field(compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        grid: Grid,
+        z: Array,
+        approach: float | None,
+        force: float | None,
+        tolerance: float,
+        nested: bool,
+        max_products: int,
+        progress: Progress | None,
+        previous: Sequence[NormalResult] = (),
+        hardness: float | None = None,
+    ) -> Self:
+        """Return the arguments for the gap `z`, or say what is wrong with them."""
+        force = check_load(grid, z, approach, force)
+        check_hardness(grid, hardness, force)
+        check_iteration(tolerance, max_products, progress)
+        for result in previous:
+            check_same_grid(result, grid)
+        return cls(approach, force, hardness, tolerance, bool(nested), max_products, previous)
+
+
 def press(
-    grid: Grid,
-    z: Array,
-    approach: float | None,
-    force: float | None,
-    tolerance: float,
-    nested: bool,
-    max_products: int,
-    progress: Progress | None,
-    previous: Sequence[NormalResult] = (),
-    hardness: float | None = None,
-    library: Library = NUMPY,
+    grid: Grid, z: Array, asked: Pressed, progress: Progress | None, library: Library = NUMPY
 ) -> NormalResult:
     """Return what `normal_contact` finds for the gap `z`, converged or not.
 
     The search is made on arrays of a library, and all else on NumPy's.
     """
-    with grid.agree() as same:
-        force = check_load(grid, z, approach, force)
-        most = check_hardness(grid, hardness, force)
-        check_iteration(tolerance, max_products, progress)
-        same["approach"], same["force"], same["nested"] = approach, force, bool(nested)
-        for result in previous:
-            check_same_grid(result, grid)
-        same["tolerance"], same["max_products"] = tolerance, max_products
-        same["the number of previous results"] = len(previous)
-    load = approach if force is None else force
+    force, load = asked.force, asked.approach if asked.force is None else asked.force
     assert load is not None
-    z, distance, approach = measure_from_contact(z, approach, grid.vectors)
-    check_hardness(grid, hardness, force, grid.vectors.count(z < np.inf))
+    z, distance, approach = measure_from_contact(z, asked.approach, grid.vectors)
+    most = check_hardness(grid, asked.hardness, force, grid.vectors.count(z < np.inf))
     if force == 0.0 or (approach is not None and approach <= 0.0):
         nothing = State(np.zeros(z.shape), np.zeros(z.shape), approach or 0.0)
         return make_result(grid, z, nothing, 0, 0.0, distance, most)
     with count_products() as work:
         there = grid if library is NUMPY else replace(grid, library=library)
-        search = Search(there, library.from_numpy(z), approach, force, tolerance, progress, most)
+        search = Search(
+            there, library.from_numpy(z), approach, force, asked.tolerance, progress, most
+        )
         if grid.vectors.count(np.isinf(z)):
             search = replace(search, z=search.put_out_of_reach())
-        products = Products(search.matrix, max_products)
+        products = Products(search.matrix, asked.max_products)
         known = [
             Known(r.approach if force is None else r.force, r.pressure * search.unit, r.gap)
-            for r in previous
+            for r in asked.previous
         ]
         guess = predict(known, load, grid.vectors) if known else None
         if guess is not None:
             guess = library.from_numpy(guess)
-        state = solve(search, products, nested=nested, guess=guess)
+        state = solve(search, products, nested=asked.nested, guess=guess)
         p, u = library.to_numpy(state.p), library.to_numpy(state.u)
         state = state._replace(p=np.where(p < search.most, p / search.unit, most), u=u)
     units = products.units(work) / search.matrix.work

@@ -1,8 +1,8 @@
 """Friction: tangential tractions of two half-spaces in contact that are shifted (Eq. 1-3)."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import prod
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -148,39 +148,69 @@ def friction(
     grid = Grid.of(g.shape, element, material, reference, periodic)
     if is_lateral(previous) or has_two_components(g.shape, shift, force):
         grid = replace(grid, directions="xy")
-    result = shift_bodies(
-        grid, g, shift, force, previous, tolerance, nested, max_products, progress
-    )
+    search = tolerance, nested, max_products, progress
+    result = shift_bodies(grid, g, Shifted.of(grid, g, shift, force, previous, *search), progress)
     doubts.warn(check_converged(result, tolerance).warnings)
     return result
 
 
+@dataclass(frozen=True)
+class Shifted:
+    """Arguments of `friction`, checked; see there.
+
+    Attributes
+    ----------
+    shift : list of float, str or None
+        The uniform shift; "a field" if it is of each element.
+    change : ndarray or None
+        The shift, as an array that broadcasts to a field.
+    before : ndarray or None
+        The tractions of the `previous` contact.
+    """
+
+    shift: list[float] | str | None
+    force: Any
+    tolerance: float
+    nested: bool
+    max_products: int
+    change: Array | None = field(compare=False)
+    before: Array | None = field(compare=False)
+    previous: TangentialResult | None = field(compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        grid: Grid,
+        g: Array,
+        shift: ArrayLike | None,
+        force: ArrayLike | None,
+        previous: TangentialResult | None,
+        tolerance: float,
+        nested: bool,
+        max_products: int,
+        progress: Progress | None,
+    ) -> Self:
+        """Return the arguments for the traction bound `g`, or say what is wrong with them."""
+        check_iteration(tolerance, max_products, progress)
+        shape = grid.components, *g.shape
+        before = None if previous is None else check_previous(previous, grid, shape)
+        change, of_elements = _read_shift(shift, force, shape)
+        told = None if change is None else "a field" if of_elements else change.ravel().tolist()
+        if force is not None:
+            check_force(force, np.inf, grid)
+        force = refuse_masked("force", force).tolist()
+        return cls(told, force, tolerance, bool(nested), max_products, change, before, previous)
+
+
 def shift_bodies(
-    grid: Grid,
-    g: Array,
-    shift: ArrayLike | None,
-    force: ArrayLike | None,
-    previous: TangentialResult | None,
-    tolerance: float,
-    nested: bool,
-    max_products: int,
-    progress: Progress | None,
+    grid: Grid, g: Array, asked: Shifted, progress: Progress | None
 ) -> TangentialResult:
     """Return what `friction` finds for the traction bound `g`, converged or not."""
     g, b = drop_rounding(g, grid.vectors), np.zeros((grid.components, *g.shape))
-    with grid.agree() as same:
-        check_iteration(tolerance, max_products, progress)
-        before = b if previous is None else check_previous(previous, grid, b.shape)
-        change, of_elements = _read_shift(shift, force, b.shape)
-        same["shift"] = None
-        if change is not None:
-            b = b + change
-            same["shift"] = "a field" if of_elements else change.ravel().tolist()
-        if force is not None:
-            check_force(force, np.inf, grid)  # How much of it is carried all ranks know together.
-        same["force"], same["nested"] = refuse_masked("force", force).tolist(), bool(nested)
-        same["tolerance"], same["max_products"] = tolerance, max_products
-        same["whether there is a previous contact"] = previous is not None
+    force, change, previous = asked.force, asked.change, asked.previous
+    before = b if asked.before is None else asked.before
+    if change is not None:
+        b = b + change
     if force is None and grid.has_free_mean and grid.vectors.count(g) == prod(grid.shape):
         raise ValueError(
             "shift is given, but surfaces that repeat and touch everywhere stick under many a "
@@ -193,27 +223,27 @@ def shift_bodies(
     g, b, before = (window.cut(x) for x in (g, b, before))
     vectors = window.grid.vectors
     with count_products() as work:
-        products = Products(window.grid.tangential(), max_products)
+        products = Products(window.grid.tangential(), asked.max_products)
         guess, least = None, 0.0
         if previous is not None:
             u = products(before)
             b, least = b + u, vectors.max(np.abs(u))
         if total is not None:
             least = max(least, _displace_by_mean(window.grid, products.A, g, total, before))
-        problem = Problem(window.grid, g, b, total, tolerance, least, progress)
+        problem = Problem(window.grid, g, b, total, asked.tolerance, least, progress)
         if all_slides:
             state, slip = slide_off(problem, products)
         else:
             if previous is not None:
                 guess = project(clip(before, g), g, total, vectors)
-            state, slip = solve(problem, products, guess, nested=nested), None
+            state, slip = solve(problem, products, guess, nested=asked.nested), None
     state, slip, count, units = window.same((state, slip, products.count, products.units(work)))
     result = make_result(problem, state, window, count, units, slip)
     moved = result.shift
     if change is not None:  # A force adds a shift of the whole bodies.
         if force is not None:
             change = change + problem.uniform(state.shift)
-        moved = as_given(change, is_field=of_elements)
+        moved = as_given(change, is_field=asked.shift == "a field")
     return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
 
 

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.linalg import lapack
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.shifted_inverses import ShiftedInverses
 from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
 from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem
 from toeplitz_mg.engine.vectors import Vectors
+from toeplitz_mg.preconditioners.causal import ShiftedInverses
 
 # Elements of a piece of contact on a line, in the mean, below which the inverse is cut at no edge:
 # in pieces of some 15 it takes as many products either way, in those of 3 up to twice as many.

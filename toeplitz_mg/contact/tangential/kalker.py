@@ -8,7 +8,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.summary import Figure, Summary, tabulate_figures
-from toeplitz_mg.contact.tangential.rolling import roll
+from toeplitz_mg.contact.tangential.rolling import Rolled, roll
 from toeplitz_mg.halfspace.materials import Material, check_ratio
 from toeplitz_mg.values import count, positive
 
@@ -105,8 +105,8 @@ def _compute(ratio: float, material: Material, n: int) -> Array:
     grid = Grid.of((n, n), element, material, None)
 
     def bonded(creepages: tuple[float, float, float]) -> Any:
-        asked = (creepages,)
-        return roll(grid, g, asked, EXACT, True, 2000, None, None)
+        asked = Rolled.of(grid.shape, (creepages,), EXACT, True, 2000, None, None)
+        return roll(grid, g, asked, None)
 
     along, across, spinning = (bonded((k == 0, k == 1, k == 2)) for k in range(3))
     c = np.sqrt(along.area / np.pi)

@@ -14,7 +14,7 @@ elements of an ellipse ten times as long as it is wide, with this arm 2 %.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import field as dataclass_field
 from typing import Any, Self
 
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import widen
 from toeplitz_mg.contact.doubts import examine_moment
-from toeplitz_mg.contact.kept import KEPT
+from toeplitz_mg.contact.kept import keep
 from toeplitz_mg.contact.tangential.coulomb import size
 from toeplitz_mg.values import field, finite, in_range, refuse_masked
 
@@ -58,7 +58,7 @@ class Motion:
     creepages: tuple[float | None, ...]
     loads: tuple[float | None, ...]
     pole: tuple[float, float] = (0.0, 0.0)
-    slip: Array | None = None
+    slip: Array | None = dataclass_field(default=None, compare=False)
     directions: str = "xy"
 
     @classmethod
@@ -109,12 +109,6 @@ class Motion:
         if more is not None:
             more = widen(more, 2 if is_lateral else 1)
         return cls(tuple(given), loads, (x, y), more, "xy" if is_lateral else "x")
-
-    def tell(self, same: Any) -> None:
-        """Tell what has to be the same on all ranks (see `slabs.messages.Messages.agree`)."""
-        same["the creepages"], same["the loads"] = self.creepages, self.loads
-        same["pole"], same["directions"] = self.pole, self.directions
-        same["whether there is a field of slip"] = self.slip is not None
 
     @property
     def unknown(self) -> tuple[int, ...]:
@@ -236,15 +230,12 @@ class Motion:
         return np.stack([fields[k] for k in self.unknown])
 
 
+@keep
 def unit_slips(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
     """Return the rigid slip over the distance rolled by one unit of each creepage.
 
-    On a surface the last is the spin. Those of a small grid are kept for the next case.
+    On a surface the last is the spin.
     """
-    return (_keep_unit_slips if grid.is_kept else _compute_unit_slips)(grid, pole)
-
-
-def _compute_unit_slips(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
     centres = np.meshgrid(*grid.centres(), indexing="ij")
     units = list(np.zeros((grid.components, grid.components, *centres[0].shape)))
     for k, unit in enumerate(units):
@@ -255,9 +246,6 @@ def _compute_unit_slips(grid: Any, pole: tuple[float, float]) -> tuple[Array, ..
     for unit in units:
         unit.flags.writeable = False
     return tuple(units)
-
-
-_keep_unit_slips = lru_cache(maxsize=KEPT)(_compute_unit_slips)
 
 
 def _arms(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:

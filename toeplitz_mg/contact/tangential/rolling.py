@@ -6,8 +6,8 @@ steady state is found directly, without marching.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -157,7 +157,8 @@ def rolling(
     def solve(
         asked: Any, g: Array, guess: TangentialResult | None, most: int, tell: Progress | None
     ) -> TangentialResult:
-        return roll(grid, g, asked, tolerance, nested, most, tell, options, guess)
+        rolled = Rolled.of(g.shape, asked, tolerance, nested, most, tell, options, guess)
+        return roll(grid, g, rolled, tell, guess)
 
     if falling is None:
         result = solve(asked, g, guess, max_products, progress)
@@ -195,29 +196,48 @@ def stiffness_of_element(grid: Grid) -> float:
     return grid.element[0] / float(K.diagonal().max())
 
 
-def roll(
-    grid: Grid,
-    g: Array,
-    asked: tuple[Any, ...],
-    tolerance: float,
-    nested: bool,
-    max_products: int,
-    progress: Progress | None,
-    options: SteadyOptions | None,
-    guess: TangentialResult | None = None,
-) -> TangentialResult:
-    """Return what `rolling` finds for the traction bound `g`, converged or not.
+@dataclass(frozen=True)
+class Rolled:
+    """Arguments of `rolling`, checked; see there."""
 
-    What is `asked` are the arguments of `Motion.of`.
-    """
-    with grid.agree() as same:
-        motion = Motion.of(g.shape, *asked, beside_lateral=is_lateral(guess))
+    motion: Motion
+    tolerance: float
+    nested: bool
+    max_products: int
+    options: SteadyOptions
+
+    @classmethod
+    def of(
+        cls,
+        shape: tuple[int, ...],
+        asked: tuple[Any, ...],
+        tolerance: float,
+        nested: bool,
+        max_products: int,
+        progress: Progress | None,
+        options: SteadyOptions | None,
+        guess: TangentialResult | None = None,
+    ) -> Self:
+        """Return the arguments, or say what is wrong with them.
+
+        What is `asked` are the arguments of `Motion.of`.
+        """
+        motion = Motion.of(shape, *asked, beside_lateral=is_lateral(guess))
         check_iteration(tolerance, max_products, progress)
         if not isinstance(options, SteadyOptions | None):
             raise TypeError(f"options is {options!r}, but must be contact.SteadyOptions(...)")
-        motion.tell(same)
-        same["options"], same["nested"] = options, bool(nested)
-        same["tolerance"], same["max_products"] = tolerance, max_products
+        return cls(motion, tolerance, bool(nested), max_products, options or SteadyOptions())
+
+
+def roll(
+    grid: Grid,
+    g: Array,
+    asked: Rolled,
+    progress: Progress | None,
+    guess: TangentialResult | None = None,
+) -> TangentialResult:
+    """Return what `rolling` finds for the traction bound `g`, converged or not."""
+    motion = asked.motion
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
     g = drop_rounding(g, grid.vectors)
@@ -237,13 +257,13 @@ def roll(
         loads.check_share(g, grid.vectors)
         loads.check_beside(g, b, grid.vectors)
         A = grid.tangential()
-        products = Products(grid.steady(A), max_products)
+        products = Products(grid.steady(A), asked.max_products)
         # What is left of parts that cancel each other may be their rounding.
-        least = ROUNDING / tolerance * h * given
-        problem = Problem(grid, g, b, None, tolerance, least, progress)
+        least = ROUNDING / asked.tolerance * h * given
+        problem = Problem(grid, g, b, None, asked.tolerance, least, progress)
         start = _admit_guess(problem, loads, window, before)
         state = find_steady_state(
-            problem, products, loads, guess=start, nested=nested, options=options or SteadyOptions()
+            problem, products, loads, guess=start, nested=asked.nested, options=asked.options
         )
         if loads.wanted.size:
             problem = replace(problem, b=b + grid.vectors.combine(state.shift, loads.units))

@@ -1,14 +1,14 @@
 """The steady state of rolling, directly: the areas of stick and slip for a matrix not symmetric.
 
 Of few elements the matrix is an array (`direct`); of many, approximate inverses and acceleration do
-(`iteration`). On small grids the search starts from the leading edge, on larger grids from the
-solution on elements of twice the size. Where the areas do not settle, rolling step by step leads
-on, and where loads are given a search for their creepages (`searching`).
+(`iteration`). Of few the search starts from the leading edge, of many from the solution on elements
+of twice the size. Where the areas do not settle, rolling step by step leads on, and where loads are
+given a search for their creepages (`searching`).
 
 The approximate inverses are of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν. Where
 elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size: in
 each place the inverses are interpolated to its λ. That of K itself is right at the edges of where
-it sticks, too (see `contact.shifted_inverses`). So the products do not depend on the number of
+it sticks, too (see `preconditioners.causal`). So the products do not depend on the number of
 elements. (With one ν for all, they doubled from 128² elements to 512²; without the edges, they
 grew by up to 1.5.)
 
@@ -28,11 +28,10 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import COARSEST
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.steady_matrices import LEAST_UNIT, MOST_UNIT
-from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, clip, size
+from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
 from toeplitz_mg.contact.tangential.direct import find_directly
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.iteration import Iteration
-from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
 from toeplitz_mg.contact.tangential.near_sliding import guess_sliding
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, largest_bound
 from toeplitz_mg.contact.tangential.searching import search_creepages
@@ -122,7 +121,7 @@ def find_steady_state(
     coarsest = 1 if array is None else COARSEST
     from_coarser = partial(_guess_from_coarser_grids, problem, loads, options, coarsest)
     may_refine = guess is None and nested
-    refines = may_refine and not grid.is_short and grid.coarser(coarsest) is not None
+    refines = may_refine and grid.coarser(coarsest) is not None
     if guess is None and len(loads.wanted):
         is_line = len(grid.shape) == 1
         guess = guess_sliding(problem, loads, K, only_start=not (refines and is_line))
@@ -136,7 +135,7 @@ def find_steady_state(
     k0 = grid.diagonal(K.A)
     M = grid.invert_shifted(K.A, np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64)
     if guess is None:
-        guess = _guess_on_this_grid(problem, loads, M)
+        guess = admit(problem, np.zeros(problem.b.shape), np.zeros(problem.g.shape, bool))
     accuracy, creepages, depth = LOOSE, np.zeros(len(loads.wanted)), options.iterations
     while True:
         step = Iteration(problem, loads, M, depth)
@@ -176,16 +175,6 @@ def _roll_by_creepages(
     guess = (state.q, state.areas) if problem.largest > 0.0 else None
     nothing = Loads(loads.units[:0], loads.arms[:0], loads.wanted[:0])
     return find_steady_state(problem, K, nothing, guess=guess, nested=False, options=options)
-
-
-def _guess_on_this_grid(problem: Problem, loads: Loads, M: Any) -> tuple[Array, Areas]:
-    """Return tractions and areas to start from, where M is right those of what sticks."""
-    q, slide = np.zeros(problem.b.shape), np.zeros(problem.g.shape, bool)
-    if problem.grid.is_short and not len(loads.wanted):
-        T = Tangent(Areas(problem.g > 0.0, slide), q, problem.vectors, balanced=())
-        bonded = M.at(np.zeros(problem.grid.shape))(T(problem.b), T.project_each)
-        q, slide = roll_backwards(bonded, problem.g)
-    return admit(problem, q, slide)
 
 
 def _guess_from_coarser_grids(

@@ -9,8 +9,8 @@ Each step is a problem of friction, with S q' - w for the displacements without 
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -112,30 +112,49 @@ def rolling_steps(
     """
     g, element, material = check_rolled(bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
-    asked = (longitudinal, lateral, spin), force, None, slip, pole
-    return roll_steps(grid, g, asked, steps, previous, tolerance, max_products, progress)
+    motion = (longitudinal, lateral, spin), force, None, slip, pole
+    search = tolerance, max_products, progress
+    asked = Stepped.of(grid, g.shape, motion, steps, previous, *search)
+    return roll_steps(grid, g, asked, progress)
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """Arguments of `rolling_steps`, checked; see there. The `previous` are tractions."""
+
+    motion: Motion
+    steps: int
+    tolerance: float
+    max_products: int
+    previous: Array | None = field(compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        grid: Grid,
+        shape: tuple[int, ...],
+        asked: tuple[Any, ...],
+        steps: int,
+        previous: TangentialResult | None,
+        tolerance: float,
+        max_products: int,
+        progress: Progress | None,
+    ) -> Self:
+        """Return the arguments, or say what is wrong with them (see `rolling.Rolled`)."""
+        motion = Motion.of(shape, *asked, beside_lateral=is_lateral(previous))
+        check_iteration(tolerance, max_products, progress)
+        steps, q = count("steps", steps), None
+        if previous is not None:
+            q = check_previous(previous, grid, (len(motion.directions), *shape))
+        return cls(motion, steps, tolerance, max_products, q)
 
 
 def roll_steps(
-    grid: Grid,
-    g: Array,
-    asked: tuple[Any, ...],
-    steps: int,
-    previous: TangentialResult | None,
-    tolerance: float,
-    max_products: int,
-    progress: Progress | None,
+    grid: Grid, g: Array, asked: Stepped, progress: Progress | None
 ) -> Iterator[TangentialResult]:
     """Return what `rolling_steps` yields for the traction bound `g` (see `roll`)."""
-    with grid.agree() as same:
-        motion = Motion.of(g.shape, *asked, beside_lateral=is_lateral(previous))
-        check_iteration(tolerance, max_products, progress)
-        same["steps"] = steps = count("steps", steps)
-        motion.tell(same)
-        same["tolerance"], same["max_products"] = tolerance, max_products
-        same["whether there are tractions before"] = previous is not None
-        shape = (len(motion.directions), *g.shape)
-        q = np.zeros(shape) if previous is None else check_previous(previous, grid, shape)
+    motion, tolerance = asked.motion, asked.tolerance
+    q = np.zeros((len(motion.directions), *g.shape)) if asked.previous is None else asked.previous
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
     g = drop_rounding(g, grid.vectors)
@@ -155,9 +174,9 @@ def roll_steps(
 
     def march(q: Array) -> Iterator[TangentialResult]:
         A, S = grid.tangential(), grid.upstream()
-        for _ in range(steps):
+        for _ in range(asked.steps):
             with count_products() as work:
-                products = Products(A, max_products)
+                products = Products(A, asked.max_products)
                 b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
                 least = vectors.max(np.abs(w))
                 problem = Problem(grid, g, b, total, tolerance, least, progress)

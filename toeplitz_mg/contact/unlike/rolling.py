@@ -14,7 +14,7 @@ from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.result import TangentialResult
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
-from toeplitz_mg.contact.tangential.rolling import roll
+from toeplitz_mg.contact.tangential.rolling import Rolled, roll
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.unlike.alternation import alternate
 from toeplitz_mg.contact.unlike.checks import check_both, read_gap
@@ -143,7 +143,8 @@ def frictional_rolling(
         part = 1.0 if share < 1.0 else CARRIED / share
         x, y, about = (None if load is None else part * load for load in motion.loads)
         asked = creepages, (x, y), about, field_of_slip, pole
-        found = roll(grid, g, asked, inner, nested, max_products, report, options, guess)
+        search = inner, nested, max_products, report, options, guess
+        found = roll(grid, g, Rolled.of(g.shape, asked, *search), report, guess)
         report.add(found.products, max_products)
         return found
 
