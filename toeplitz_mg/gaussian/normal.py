@@ -1,5 +1,6 @@
 """The normal distribution of a stationary process on a grid."""
 
+from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -7,16 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.columns.schur import whiten_rows
-from toeplitz_mg.gaussian.checks import check_mean, check_observed, check_series
-from toeplitz_mg.gaussian.conditional import Conditional
-from toeplitz_mg.gaussian.doubts import warn_of_rounding
-from toeplitz_mg.gaussian.observed import Observed, Whole, observe
+from toeplitz_mg.gaussian.observed import Observed, Whole, observe, warn_of_rounding
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.szego import warn_of_error
-from toeplitz_mg.values import count, generator, numbers
+from toeplitz_mg.values import count, generator, numbers, refuse_masked
+
+SHOWN = 5  # Positions that an error names.
 
 
 class ToeplitzNormal:
@@ -92,7 +92,7 @@ class ToeplitzNormal:
                 "positive: it is the variance, a nugget included"
             )
         self.shape = self.A.grid_shape
-        self.mean = check_mean(mean, self.shape)
+        self.mean = _check_mean(mean, self.shape)
         self._whole = Whole(self.A)
 
     def __repr__(self) -> str:
@@ -246,7 +246,7 @@ class ToeplitzNormal:
         >>> process.whiten([1.0, 0.8, 0.64, 1.112]).round(6) + 0.0
         array([1., 0., 0., 1.])
         """
-        residual, _ = check_series(y, None, self.mean, has_gaps=False)
+        residual, _ = _check_series(y, None, self.mean, has_gaps=False)
         if len(self.shape) > 1:
             raise ValueError(
                 f"c has {len(self.shape)} axes, but whiten is for one: no fast way is known for "
@@ -255,7 +255,7 @@ class ToeplitzNormal:
         rows = residual.reshape(-1, *self.shape)
         return whiten_rows(self.A.c, rows).reshape(residual.shape)
 
-    def conditional(self, y: ArrayLike, observed: ArrayLike | None = None) -> Conditional:
+    def conditional(self, y: ArrayLike, observed: ArrayLike | None = None) -> "Conditional":
         """Return the distribution of all points, given those that are observed (kriging).
 
         Parameters
@@ -303,8 +303,8 @@ class ToeplitzNormal:
             )
         if observed is None:
             observed = ~np.isnan(values)
-        mask = check_observed(observed, self.shape)
-        residual, _ = check_series(values, mask, self.mean)
+        mask = _check_observed(observed, self.shape)
+        residual, _ = _check_series(values, mask, self.mean)
         return Conditional(self, observe(self._whole, mask), mask, residual)
 
     def rvs(self, size: int | tuple[int, ...] | None = 1, random_state: Any = None) -> Array:
@@ -370,7 +370,7 @@ class ToeplitzNormal:
 
     def _logpdf(self, y: ArrayLike, observed: ArrayLike | None) -> tuple[Array, Rows, Observed]:
         """Return the logarithms of the densities, the rows A⁻¹ (y - mean), and what is known."""
-        residual, mask = check_series(y, observed, self.mean)
+        residual, mask = _check_series(y, observed, self.mean)
         known = observe(self._whole, mask)
         rows = residual.reshape(-1, self.A.shape[0])
         X, squares = known.solve(rows)
@@ -380,3 +380,105 @@ class ToeplitzNormal:
         warn_of_rounding(self.A.norm_bound, X, squares, stacklevel=4)
         value = -0.5 * (squares + constant)
         return value.reshape(residual.shape[: residual.ndim - len(self.shape)]), X, known
+
+
+@dataclass(frozen=True, repr=False)
+class Conditional:
+    """The distribution of all points of a process, given those that are observed: kriging.
+
+    Attributes
+    ----------
+    process : ToeplitzNormal
+    known : Observed
+        What is known of the covariance of the observed points.
+    mask : ndarray of bool
+        Where it is observed.
+    residual : ndarray of the shape of `process`
+        What was observed less the mean of the process, zero elsewhere.
+    """
+
+    process: ToeplitzNormal
+    known: Observed
+    mask: Mask
+    residual: Array
+
+    @cached_property
+    def mean(self) -> Array:
+        """The mean at each point: where it is observed, the value itself."""
+        mean: Array = self._estimate(self.residual[np.newaxis])[0] + self.process.mean
+        mean.flags.writeable = False
+        return mean
+
+    def rvs(self, size: int | tuple[int, ...] | None = 1, random_state: Any = None) -> Array:
+        """Draw samples, as `ToeplitzNormal.rvs` does; each costs a solve."""
+        process = self.process
+        X = process.rvs(size, random_state) - process.mean
+        fields = X.reshape(prod(X.shape[: -len(process.shape)]), *process.shape)
+        return X + self._estimate(self.residual - fields).reshape(X.shape) + process.mean
+
+    def __repr__(self) -> str:
+        return f"<Conditional {self.process!r}, {np.count_nonzero(self.mask)} observed>"
+
+    def _estimate(self, fields: Array) -> Array:
+        """Return the means of the points, given fields at those that are observed."""
+        inside = self.mask.ravel()
+        Y: Rows = np.where(inside, fields.reshape(len(fields), inside.size), 0.0)
+        X = self.known.estimate(Y)
+        X[:, inside] = Y[:, inside]
+        return X.reshape(fields.shape)
+
+
+def _check_mean(mean: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """Return means of this shape."""
+    array = numbers("mean", mean)
+    if not np.isfinite(array).all():
+        raise ValueError("mean is not finite somewhere")
+    try:
+        return np.broadcast_to(array, shape)
+    except ValueError:
+        raise ValueError(
+            f"mean has shape {array.shape}, but must broadcast to that of c, {shape}"
+        ) from None
+
+
+def _check_series(
+    y: ArrayLike, observed: ArrayLike | None, mean: Array, *, has_gaps: bool = True
+) -> tuple[Array, Mask | None]:
+    """Return y - mean, zero where it is not observed, of one or many series; and the mask."""
+    residual = numbers("y", y)
+    shape = mean.shape
+    if residual.shape[max(residual.ndim - len(shape), 0) :] != shape:
+        raise ValueError(
+            f"y has shape {residual.shape}, but its last axes must be those of c, {shape}"
+        )
+    mask = None if observed is None else _check_observed(observed, shape)
+    residual -= mean
+    if mask is not None:
+        residual[..., ~mask] = 0.0
+    wrong = ~np.isfinite(residual)
+    if wrong.any():
+        _refuse_positions(wrong, has_gaps and mask is None)
+    return residual, mask
+
+
+def _check_observed(observed: ArrayLike, shape: tuple[int, ...]) -> Mask:
+    """Return a copy, that cannot be changed, of the mask of what is observed."""
+    mask = refuse_masked("observed", observed)
+    if mask.dtype != np.bool_:
+        raise TypeError(f"observed has dtype {mask.dtype}, but must be of booleans")
+    if mask.shape != shape:
+        raise ValueError(f"observed has shape {mask.shape}, but must have that of c, {shape}")
+    if not mask.any():
+        raise ValueError("y is observed nowhere, but must be somewhere")
+    mask = mask.copy()
+    mask.flags.writeable = False
+    return mask
+
+
+def _refuse_positions(wrong: Array, everywhere: bool) -> None:
+    """Raise the ValueError that says where y is not finite."""
+    positions = [tuple(map(int, p)) if len(p) > 1 else int(p[0]) for p in np.argwhere(wrong)]
+    named = ", ".join(map(str, positions[:SHOWN]))
+    more = f" and {len(positions) - SHOWN} more positions" if len(positions) > SHOWN else ""
+    advice = ": say what is observed, as by observed=~np.isnan(y)" if everywhere else ""
+    raise ValueError(f"y is not finite at {named}{more}, but must be where it is observed{advice}")

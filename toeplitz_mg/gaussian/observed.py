@@ -5,22 +5,23 @@ one with few a `Gaps`, a grid of few observed points a `Few`, and any other a `M
 log-determinant.
 """
 
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Protocol
 
 import numpy as np
 from scipy import fft
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import LinAlgWarning, cho_factor, cho_solve, solve_triangular
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.gaussian.block_of_inverse import inverse_block
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.long_residual import EPS
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
@@ -29,6 +30,9 @@ MOST = 4096  # Points, missing or observed, of which a dense matrix is factorise
 PART = 64  # Rows that are multiplied at once.
 RTOL = 1e-11  # Relative residual of an iteration.
 MOST_ITERATIONS = 1000  # Iterations after which the matrix is said to be too ill-conditioned.
+NEAR = 64  # Rows of the inverse that take as long, one from the other, as a product.
+PANEL = 2**16  # Numbers of the rows that are made at once: they stay in the cache.
+NOISY = 1e-3  # Rounding of a quadratic form, for each unknown, above which there is a warning.
 
 
 class Observed(Protocol):
@@ -111,7 +115,7 @@ class Gaps:
     def _factor(self) -> Array:
         """Cholesky's lower factor of B; above the diagonal anything."""
         # The transpose is as Fortran stores it, and so its other half is what is known.
-        B = inverse_block(self.whole.column, self.missing).T
+        B = _inverse_block(self.whole.column, self.missing).T
         factor: Array = cho_factor(B, lower=True, overwrite_a=True, check_finite=False)[0]
         return factor
 
@@ -300,3 +304,55 @@ def observe(whole: Whole, mask: Mask | None) -> Observed:
     if mask.ndim == 1 and missing <= MOST:
         return Gaps(whole, np.flatnonzero(~mask))
     return Many(A, mask)
+
+
+def _inverse_block(column: SharpColumn, index: Array) -> Array:
+    """Return the rows and columns of A⁻¹ at some positions, in ascending order.
+
+    What is below the diagonal is not set. By the Gohberg-Semencul formula each row follows from the
+    one above it: with x = A⁻¹ e₁ and xₙ = 0
+
+        (A⁻¹)_ij = (A⁻¹)_(i-1,j-1) + (x_i x_j - x_(n-i) x_(n-j))/x₀.
+
+    The next position is reached row by row where it is near, and by a product where it is far.
+    """
+    x = column.x
+    n, m, last = len(x), len(index), int(index[-1])
+    pairs = np.stack([x, np.append(0.0, x[:0:-1])])
+    weights = np.array([[1.0], [-1.0]]) / x[0]
+    near = np.append(np.diff(index) <= NEAR, False)
+    B = np.empty((m, m))
+    row, i, k = x[: last + 1], 0, 0  # The entries (i, i), (i, i + 1) … of A⁻¹.
+    while k < m:
+        if index[k] - i > NEAR:
+            i = int(index[k])
+            unit = np.zeros((1, n))
+            unit[0, i] = 1.0
+            row = column.inverse.apply(unit)[0, i : last + 1]
+        # The rows from i on, down to the last position that is near to the one before it.
+        rows = max(2, PANEL // len(row))
+        stop = int(np.searchsorted(index, i + rows))
+        if not near[k:stop].all():
+            stop = k + int(np.argmin(near[k:stop])) + 1
+            rows = int(index[stop - 1]) + 1 - i
+        D = (weights * pairs[:, i : i + rows]).T @ pairs[:, i : last + 1]
+        D[0] = row
+        for above, below in enumerate(D[1:]):
+            below[above + 1 :] += D[above, above:-1]
+        # No index is clipped, but then they are taken without a buffer, in a fifth of the time.
+        D[index[k:stop] - i].take(index[k:] - i, axis=1, out=B[k:stop, k:], mode="clip")
+        row, i, k = D[-1, len(D) - 1 :], i + len(D) - 1, stop
+    return B
+
+
+def warn_of_rounding(norm: float, X: Rows, squares: Array, stacklevel: int) -> None:
+    """Warn where yᵀ α may be rounding, of rows α = A⁻¹ y with a matrix of this norm."""
+    noise = EPS * norm * np.vecdot(X, X)
+    worst = int(noise.argmax()) if len(noise) else 0
+    if len(noise) and noise[worst] > NOISY * X.shape[1]:
+        warnings.warn(
+            f"(y - mean)ᵀ A⁻¹ (y - mean) is {squares[worst]:.6g} with an error of up to "
+            f"{noise[worst]:.1e}: A is ill-conditioned, for which a larger c[0] would help",
+            LinAlgWarning,
+            stacklevel=stacklevel,
+        )
