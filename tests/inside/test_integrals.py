@@ -10,9 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.special import k0, k1
 
-from toeplitz_mg.halfspace.bessel import integrate_bessel
 from toeplitz_mg.halfspace.integrals import integral_log
-from toeplitz_mg.halfspace.periodic import strip_eigenvalues, strip_length
+from toeplitz_mg.halfspace.periodic import (
+    integrate_bessel,
+    strip_eigenvalues,
+    strip_length,
+)
 
 # What has the derivative K_ν(s), times s, where exp(-s c) cosh νt stands for K_ν(s), c = cosh t.
 INTEGRALS = {

@@ -12,17 +12,17 @@ from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
 from toeplitz_mg.contact.kept import keep
 from toeplitz_mg.contact.steady_matrices import SteadyArray
-from toeplitz_mg.contact.waves import Waves
 from toeplitz_mg.contact.window import Window, box_around, ends_of
 from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
-from toeplitz_mg.halfspace.combined import combine
+from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.halfspace.matrices import (
     assemble,
     coupling_matrices,
     evaluate_all,
     quadrant,
 )
+from toeplitz_mg.halfspace.periodic import Waves
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.candidates import quick_fsai
 from toeplitz_mg.preconditioners.causal import ShiftedInverses

@@ -13,7 +13,7 @@ from toeplitz_mg.contact.result import ContactResult, NormalResult, TangentialRe
 from toeplitz_mg.contact.stresses import Stresses
 from toeplitz_mg.contact.unlike.result import FrictionalResult
 from toeplitz_mg.halfspace import CombinedMaterial
-from toeplitz_mg.halfspace.stress_matrices import stress_matrices
+from toeplitz_mg.halfspace.stresses import stress_matrices
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import field
 

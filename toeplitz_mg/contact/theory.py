@@ -11,7 +11,7 @@ from scipy.special import elliprd, elliprf
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.summary import Figure, Summary, list_figures, tabulate_figures
 from toeplitz_mg.contact.units import units_of
-from toeplitz_mg.halfspace.combined import combine
+from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.values import field, fields, finite, in_range, positive
 
 FLATTEST = 1e4  # Ratio of two radii of curvature up to which the equation of the axes is solved.

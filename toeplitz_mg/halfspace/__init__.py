@@ -1,18 +1,23 @@
 """The elastic half-space: its matrices, coefficients, stresses and elastic constants."""
 
-from toeplitz_mg.halfspace.combined import CombinedMaterial, combined_material, difference_parameter
 from toeplitz_mg.halfspace.influence import (
+    all_offsets,
     influence_xx,
     influence_xy,
     influence_xz,
     influence_yy,
     influence_yz,
     influence_zz,
+    line_contact_coefficients,
+    offsets,
 )
-from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
-from toeplitz_mg.halfspace.materials import Material
+from toeplitz_mg.halfspace.materials import (
+    CombinedMaterial,
+    Material,
+    combined_material,
+    difference_parameter,
+)
 from toeplitz_mg.halfspace.matrices import influence_matrix
-from toeplitz_mg.halfspace.points import all_offsets, offsets
 from toeplitz_mg.halfspace.stresses import (
     line_stresses_x,
     line_stresses_y,

@@ -18,16 +18,82 @@ Differences are of the first body less the second, z points into the first.
 Lengths are in mm and moduli in N/mm², or in any other consistent units.
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.halfspace.expansion import Kernel
-from toeplitz_mg.halfspace.integrals import ONE, XX, XY, X
+from toeplitz_mg.halfspace.integrals import ONE, XX, XY, Kernel, X, integral_log
 from toeplitz_mg.halfspace.materials import check_constants, check_difference
-from toeplitz_mg.halfspace.points import check_element
 from toeplitz_mg.halfspace.rectangles import integrate
-from toeplitz_mg.values import positive, refuse_masked, require_broadcast
+from toeplitz_mg.values import count, positive, refuse_masked, require_broadcast
+
+FEW = 200  # Most strips whose eigenvalues are computed where their sign is in doubt.
+
+
+class Component(NamedTuple):
+    """What is integrated over an element for the displacement in one direction by another.
+
+    Attributes
+    ----------
+    kernel : function
+        Of the constant: the weights of the monomials, over 1/(πG).
+    constant : str
+        "nu", or "K" for what couples unequal materials.
+    parity : (int, int)
+        Whether it is even (1) or odd (-1) in x and in y.
+    is_exchanged : bool
+        Whether x and y change places in the monomials.
+    """
+
+    kernel: Callable[[float], Kernel]
+    constant: str
+    parity: tuple[int, int]
+    is_exchanged: bool = False
+
+
+def _along(nu: float) -> Kernel:
+    return {ONE: 1.0 - nu, XX: nu}
+
+
+def _coupling(K: float) -> Kernel:
+    return {X: -K}
+
+
+# The blocks on and above the diagonal.
+KERNELS = {
+    "xx": Component(_along, "nu", (1, 1)),
+    "xy": Component(lambda nu: {XY: nu}, "nu", (-1, -1)),
+    "xz": Component(_coupling, "K", (-1, 1)),
+    "yy": Component(_along, "nu", (1, 1), is_exchanged=True),
+    "yz": Component(_coupling, "K", (1, -1), is_exchanged=True),
+    "zz": Component(lambda nu: {ONE: 1.0 - nu}, "nu", (1, 1)),
+}
+
+
+def influence(
+    name: str,
+    x: ArrayLike,
+    y: ArrayLike,
+    element: tuple[float, float],
+    *,
+    G: float,
+    nu: float = 0.0,
+    K: float = 0.0,
+) -> Array:
+    """Return the displacements in one direction by a unit traction in another, as "zz"."""
+    component = KERNELS[name]
+    G, nu = check_constants(G, nu)
+    constant = check_difference(K) if component.constant == "K" else nu
+    h1, h2 = check_element(element)
+    x, y = require_broadcast(x=_points("x", x), y=_points("y", y))
+    weights = {part: weight / (np.pi * G) for part, weight in component.kernel(constant).items()}
+    if component.is_exchanged:
+        return integrate(weights, y, x, h2, h1)
+    return integrate(weights, x, y, h1, h2)
 
 
 def influence_zz(
@@ -59,8 +125,8 @@ def influence_zz(
 
     See Also
     --------
-    influence_xz : for other directions.
-    influence_xx : for other directions.
+    influence_xx, influence_yy, influence_xy : by tangential tractions, along the surface.
+    influence_xz, influence_yz : along the surface, of unequal materials.
     influence_matrix : the matrix of any directions.
     offsets : where the coefficients are wanted.
 
@@ -70,8 +136,7 @@ def influence_zz(
     >>> float(halfspace.influence_zz(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.0).round(6))
     1.1222
     """
-    G, nu = check_constants(G, nu)
-    return _displacement({ONE: 1.0 - nu}, x, y, element, G)
+    return influence("zz", x, y, element, G=G, nu=nu)
 
 
 def influence_xx(
@@ -79,35 +144,12 @@ def influence_xx(
 ) -> Array:
     """Return the displacement along x by a unit traction along x on an element (Cerruti).
 
-    Parameters
-    ----------
-    x, y : array_like
-        Points on the surface, relative to the element's centre, mm; broadcast.
-    element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
-    G, nu : float
-        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
-
-    Returns
-    -------
-    ndarray of float64
-        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For arguments that `influence_zz` refuses.
+    This is the kernel of the paper, whose elements are 8/n × 100 mm.
 
     See Also
     --------
-    influence_xy : for other directions.
-    influence_yy : for other directions.
+    influence_zz : its arguments, result and errors are those of this function.
     influence_matrix : the matrix of any directions.
-    offsets : where the coefficients are wanted.
-
-    Notes
-    -----
-    This is the kernel of the paper, whose elements are 8/n × 100 mm.
 
     Examples
     --------
@@ -115,8 +157,7 @@ def influence_xx(
     >>> float(halfspace.influence_xx(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
     0.95387
     """
-    G, nu = check_constants(G, nu)
-    return _displacement({ONE: 1.0 - nu, XX: nu}, x, y, element, G)
+    return influence("xx", x, y, element, G=G, nu=nu)
 
 
 def influence_yy(
@@ -124,31 +165,12 @@ def influence_yy(
 ) -> Array:
     """Return the displacement along y by a unit traction along y on an element (Cerruti).
 
-    Parameters
-    ----------
-    x, y : array_like
-        Points on the surface, relative to the element's centre, mm; broadcast.
-    element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
-    G, nu : float
-        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
-
-    Returns
-    -------
-    ndarray of float64
-        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For arguments that `influence_zz` refuses.
+    It is `influence_xx` with x and y exchanged.
 
     See Also
     --------
-    influence_xx : for other directions.
-    influence_xy : for other directions.
+    influence_zz : its arguments, result and errors are those of this function.
     influence_matrix : the matrix of any directions.
-    offsets : where the coefficients are wanted.
 
     Examples
     --------
@@ -156,8 +178,7 @@ def influence_yy(
     >>> float(halfspace.influence_yy(0.0, 0.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
     0.95387
     """
-    G, nu = check_constants(G, nu)
-    return _displacement({ONE: 1.0 - nu, XX: nu}, x, y, element, G, exchanged=True)
+    return influence("yy", x, y, element, G=G, nu=nu)
 
 
 def influence_xy(
@@ -165,35 +186,12 @@ def influence_xy(
 ) -> Array:
     """Return the displacement along x by a unit traction along y, or the other way round.
 
-    Parameters
-    ----------
-    x, y : array_like
-        Points on the surface, relative to the element's centre, mm; broadcast.
-    element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
-    G, nu : float
-        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
-
-    Returns
-    -------
-    ndarray of float64
-        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For arguments that `influence_zz` refuses.
+    It is odd in x and in y: build the operator from `all_offsets`, by `ToeplitzOperator.from_lags`.
 
     See Also
     --------
-    influence_xx : for other directions.
-    influence_yy : for other directions.
+    influence_zz : its arguments, result and errors are those of this function.
     influence_matrix : the matrix of any directions.
-    offsets : where the coefficients are wanted.
-
-    Notes
-    -----
-    It is odd in x and in y: build the operator from `all_offsets`, by `ToeplitzOperator.from_lags`.
 
     Examples
     --------
@@ -201,8 +199,7 @@ def influence_xy(
     >>> float(halfspace.influence_xy(1.0, 1.0, (1.0, 1.0), G=1.0, nu=0.3).round(6))
     0.03188
     """
-    G, nu = check_constants(G, nu)
-    return _displacement({XY: nu}, x, y, element, G)
+    return influence("xy", x, y, element, G=G, nu=nu)
 
 
 def influence_xz(
@@ -210,44 +207,19 @@ def influence_xz(
 ) -> Array:
     """Return the displacement along x by a unit pressure on an element, of unequal materials.
 
-    Parameters
-    ----------
-    x, y : array_like
-        Points on the surface, relative to the element's centre, mm; broadcast.
-    element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
-    G : float
-        Shear modulus of `combined_material`, N/mm².
-    K : float
-        The `difference_parameter` of the two materials.
+    It is that of the first body less that of the second, and K is their `difference_parameter`, in
+    (-1.5, 1.5).
 
-    Returns
-    -------
-    ndarray of float64
-        mm per N/mm², of the first body less that of the second, to a relative error of some 1e-14.
-
-    Raises
-    ------
-    ValueError
-        For a modulus or an element that is not positive, a difference parameter outside
-        (-1.5, 1.5), or points that are not finite.
-    TypeError
-        For what is no real number.
-
-    See Also
-    --------
-    influence_yz : for other directions.
-    influence_zz : for other directions.
-    influence_matrix : the matrix of any directions.
-    offsets : where the coefficients are wanted.
-
-    Notes
-    -----
     The surface of a compressible body moves towards the load, so a coefficient has the sign of
     -K x. It is odd in x and even in y: build the operator from `all_offsets`, by
     `ToeplitzOperator.from_lags`. By reciprocity a unit traction along x displaces in the normal
     direction by A_zx = -A_xz, which is the operator's transpose: the matrix of all three
     directions is symmetric.
+
+    See Also
+    --------
+    influence_zz : its arguments, result and errors are those of this function.
+    influence_matrix : the matrix of any directions.
 
     Examples
     --------
@@ -255,8 +227,7 @@ def influence_xz(
     >>> float(halfspace.influence_xz(1.0, 0.0, (1.0, 1.0), G=1.0, K=0.1).round(6))
     -0.03134
     """
-    G, K = positive("G", G), check_difference(K)
-    return _displacement({X: -K}, x, y, element, G)
+    return influence("xz", x, y, element, G=G, K=K)
 
 
 def influence_yz(
@@ -264,40 +235,12 @@ def influence_yz(
 ) -> Array:
     """Return the displacement along y by a unit pressure on an element, of unequal materials.
 
-    Parameters
-    ----------
-    x, y : array_like
-        Points on the surface, relative to the element's centre, mm; broadcast.
-    element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
-    G : float
-        Shear modulus of `combined_material`, N/mm².
-    K : float
-        The `difference_parameter` of the two materials.
-
-    Returns
-    -------
-    ndarray of float64
-        mm per N/mm², of the first body less that of the second, to a relative error of some 1e-14.
-
-    Raises
-    ------
-    ValueError
-        For a modulus or an element that is not positive, a difference parameter outside
-        (-1.5, 1.5), or points that are not finite.
-    TypeError
-        For what is no real number.
+    It is `influence_xz` with x and y exchanged: odd in y, even in x, and A_zy = -A_yz.
 
     See Also
     --------
-    influence_xz : for other directions.
-    influence_zz : for other directions.
+    influence_zz : its arguments, result and errors are those of this function.
     influence_matrix : the matrix of any directions.
-    offsets : where the coefficients are wanted.
-
-    Notes
-    -----
-    This is `influence_xz` with x and y exchanged: odd in y, even in x, and A_zy = -A_yz.
 
     Examples
     --------
@@ -305,24 +248,156 @@ def influence_yz(
     >>> float(halfspace.influence_yz(0.0, 1.0, (1.0, 1.0), G=1.0, K=0.1).round(6))
     -0.03134
     """
-    G, K = positive("G", G), check_difference(K)
-    return _displacement({X: -K}, x, y, element, G, exchanged=True)
+    return influence("yz", x, y, element, G=G, K=K)
 
 
-def _displacement(
-    kernel: Kernel,
-    x: ArrayLike,
-    y: ArrayLike,
-    element: tuple[float, float],
-    G: float,
-    *,
-    exchanged: bool = False,
-) -> Array:
-    """Return 1/(πG) times the integral of a kernel, in which x and y may be exchanged."""
+def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, reference: float) -> Array:
+    """Return the plane-strain coefficients of n strips of width h, of infinite length.
+
+    Normal or tangential: ``u(x) = 2(1-ν)/(πG) ∫ p(ξ) ln(d/|x-ξ|) dξ``, for two bodies.
+
+    Parameters
+    ----------
+    n : int
+        Number of strips.
+    h : float
+        Width of a strip, mm.
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+    reference : float
+        The distance d at which a line load moves nothing, mm; the constant that plane strain
+        leaves open.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        First column of the matrix, mm per N/mm².
+
+    Raises
+    ------
+    ValueError
+        Where `reference` is so small that the matrix is indefinite: at most the logarithmic
+        capacity n h/4 of the contact area, or, for up to 200 strips, at most the value a little
+        below it at which an eigenvalue is zero. Where n, h, G or the reference is not positive,
+        or nu outside (-1, 0.5].
+    TypeError
+        Where n is not an integer, or another argument no real number.
+
+    See Also
+    --------
+    influence_xx : of rectangles that are not long.
+
+    Notes
+    -----
+    A constant displacement u has the traction Q/(π√(a²-x²)), a = n h/2, with the force per length
+    Q = u πG/(2(1-ν) ln(2d/a)) (Johnson, §2.8).
+
+    Examples
+    --------
+    >>> from toeplitz_mg import halfspace
+    >>> halfspace.line_contact_coefficients(2, 1.0, G=1.0, nu=0.5, reference=1.0).round(6)
+    array([0.538945, 0.014397])
+    """
+    G, nu = check_constants(G, nu)
+    n, h = count("n", n), positive("h", h)
+    d = positive("reference", reference)
+    integral = integral_log(n)
+    logarithm = np.subtract(np.log(d / h), integral, out=integral)
+    # Below the capacity only a few strips may still be positive definite.
+    if d <= n * h / 4.0 and (n > FEW or np.linalg.eigvalsh(toeplitz(logarithm))[0] <= 0.0):
+        raise ValueError(
+            f"reference is {d:g}, but must exceed the logarithmic capacity n h/4 = {n * h / 4:g} "
+            "of the contact area for the matrix to be positive definite"
+        )
+    logarithm *= 2.0 * (1.0 - nu) / (np.pi * G) * h
+    return logarithm
+
+
+def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the points of the first column of a matrix that is symmetric along both axes.
+
+    They go with ``ToeplitzOperator(c)``, for coefficients that are even in x and in y; those of
+    `all_offsets` go with ``ToeplitzOperator.from_lags(lags)``, for any.
+
+    Parameters
+    ----------
+    grid_shape : (int, int)
+        n₁ × n₂ elements.
+    element : (float, float)
+        Size h₁ × h₂ of an element.
+
+    Returns
+    -------
+    x, y : ndarray of shape (n₁, 1) and (1, n₂)
+        The centres i h₁ and j h₂, i = 0 … n₁ - 1, j = 0 … n₂ - 1.
+
+    Raises
+    ------
+    ValueError
+        For a grid without elements, or an element whose size is not positive.
+    TypeError
+        For numbers of elements that are not integers, or sizes that are not real numbers.
+
+    See Also
+    --------
+    all_offsets : of all quadrants.
+    influence_matrix : the matrix.
+
+    Examples
+    --------
+    >>> import toeplitz_mg as tmg
+    >>> x, y = tmg.halfspace.offsets((32, 16), (0.25, 0.5))
+    >>> A = tmg.ToeplitzOperator(
+    ...     tmg.halfspace.influence_zz(x, y, (0.25, 0.5), G=82000.0, nu=0.28)
+    ... )
+    >>> A.grid_shape
+    (32, 16)
+    """
     h1, h2 = check_element(element)
-    x, y = require_broadcast(x=_points("x", x), y=_points("y", y))
-    weights = {monomial: weight / (np.pi * G) for monomial, weight in kernel.items()}
-    return integrate(weights, y, x, h2, h1) if exchanged else integrate(weights, x, y, h1, h2)
+    n1, n2 = _grid(grid_shape)
+    return h1 * np.arange(n1)[:, None], h2 * np.arange(n2)[None, :]
+
+
+def all_offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[Array, Array]:
+    """Return the points of all coefficients, negative lags too.
+
+    They go with ``ToeplitzOperator.from_lags(lags)``. The arguments and errors are those of
+    `offsets`.
+
+    Returns
+    -------
+    x, y : ndarray of shape (2 n₁ - 1, 1) and (1, 2 n₂ - 1)
+        i h₁ and j h₂, i = -(n₁ - 1) … n₁ - 1, j = -(n₂ - 1) … n₂ - 1.
+
+    See Also
+    --------
+    offsets : of one quadrant, where the coefficients are even.
+    influence_matrix : the matrix.
+
+    Examples
+    --------
+    >>> import toeplitz_mg as tmg
+    >>> x, y = tmg.halfspace.all_offsets((3, 2), (1.0, 1.0))
+    >>> a_xy = tmg.halfspace.influence_xy(x, y, (1.0, 1.0), G=1.0, nu=0.3)
+    >>> tmg.ToeplitzOperator.from_lags(a_xy).grid_shape
+    (3, 2)
+    """
+    h1, h2 = check_element(element)
+    n1, n2 = _grid(grid_shape)
+    return h1 * np.arange(1 - n1, n1)[:, None], h2 * np.arange(1 - n2, n2)[None, :]
+
+
+def check_element(element: tuple[float, float]) -> tuple[float, float]:
+    """Return the two sizes of an element, or say what is wrong with them."""
+    if refuse_masked("element", element).shape != (2,):
+        raise ValueError(f"element is {element}, but an element has the two sizes h1 and h2")
+    return positive("element[0]", element[0]), positive("element[1]", element[1])
+
+
+def _grid(grid_shape: tuple[int, int]) -> tuple[int, int]:
+    if refuse_masked("grid_shape", grid_shape).shape != (2,):
+        raise ValueError(f"grid_shape is {grid_shape}, but the surface has the two axes x and y")
+    return count("grid_shape[0]", grid_shape[0]), count("grid_shape[1]", grid_shape[1])
 
 
 def _points(name: str, values: ArrayLike) -> Array:

@@ -2,27 +2,341 @@
 
 All are exact to rounding, relative to the integral itself, at any point and for any shape of
 rectangle. A closed form is a difference over the corners, which loses digits as
-(distance/size)^2. So it serves near the rectangle only. Elsewhere integrals along the rectangle,
-which are written without a cancellation, are integrated over its width: in the direction in which
-it is the narrower for its distance.
+(distance/size)^2. So it serves near the rectangle only.
+
+From afar it is a series in the square of the rectangle's size over the distance. With the Taylor
+series about its centre, ∬ f = h₁ h₂ Σ_k Σ_{a+b=k} (h₁/2)^2a (h₂/2)^2b /((2a+1)! (2b+1)!)
+∂_x^2a ∂_y^2b f. A kernel is a sum of monomials x^i y^j/ρ^m of degree -1. Where x^p y^q with p and q
+of 0 and 1 is taken out of it, and a power of ρ, each derivative is a polynomial in u = x²/ρ²:
+
+    ∬ f = x^p y^q/ρ^(p+q+1) Σ_k ρ^(-2k) P_k(u).
+
+So a value takes one division, at most one root, and a few products. Nothing in it cancels.
+
+Elsewhere integrals along the rectangle, which are written without a cancellation, are integrated
+over its width: in the direction in which it is the narrower for its distance. With t the distance
+from a line, s that along it, ρ² = t² + s² and a kernel's integral F along the rectangle's length as
+a function of t, ∬ f = h Σ_k (h/2)^2k/(2k+1)! F^(2k)(t) for the width h. At each end of the length
+the derivatives are w P(u)/t^m, with a polynomial of u = s²/ρ² and a factor w = s^i t^j/ρ^(i+j).
+Nearer by Gauss's rule takes the place of the series.
 """
 
-from collections.abc import Callable
-from functools import partial
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache, partial
+from math import comb, factorial
+from typing import Self
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.halfspace.expansion import Kernel, choose
-from toeplitz_mg.halfspace.narrow import BEGINS, NEAR, LineIntegral, gauss
 
+Monomial = tuple[int, int, int]  # (i, j, m) is x^i y^j/ρ^m, and i + j - m = -1.
+Kernel = dict[Monomial, float]  # Monomials that are even or odd alike, and their weights.
+
+ONE, XX, XY, X = (0, 0, 1), (2, 0, 3), (1, 1, 3), (1, 0, 2)  # 1/ρ, x²/ρ³, x y/ρ³ and x/ρ².
+
+BLOCK = 2**14  # Points of a block: of fewer, threads wait for the interpreter between passes.
 # From the first k on, the k-th ∫ ln|s| is ln k - Σ 1/(2j (2j+1) (2k)^2j) with so many terms: the
 # next is 1e-20.
 LOG_SERIES = (16, 5)
 LOG_GAUSS = (2, 10)  # The first k of Gauss's rule, and its nodes.
-BLOCK = 2**14  # Points of a block: of fewer, threads wait for the interpreter between passes.
 
-ONE, XX, XY, X = (0, 0, 1), (2, 0, 3), (1, 1, 3), (1, 0, 2)  # 1/ρ, x²/ρ³, x y/ρ³ and x/ρ².
+# From afar ----------------------------------------------------------------------------------------
+
+HIGHEST = 9  # Order of the longest series: it begins at 7.7 half diagonals, and the next at 6.7.
+
+
+def _reach(order: int) -> float:
+    """Return the distance, in half diagonals, from which on a series up to this order is exact.
+
+    The monomials come from harmonic functions by at most two derivatives. So in the unit of the
+    half diagonal, what is left out first is at most (2k)² moments/ρ^2k; the moments of order 2k,
+    largest of a rectangle that is a line, are at most 1/(2k + 1).
+    """
+    k = order + 1
+    return float(((2 * k + 1) * 2.0**53) ** (0.5 / k))
+
+
+REACH = {order: _reach(order) for order in range(2, HIGHEST + 1)}
+
+
+def polynomials(kernel: Kernel, h1: float, h2: float) -> list[list[float]]:
+    """Return the coefficients of all P_k for the rectangle h1 × h2."""
+    k, a = np.indices((HIGHEST + 1, HIGHEST + 1))
+    b = np.maximum(k - a, 0)
+    sizes = h1 * h2 * h1 ** (2.0 * a) * h2 ** (2.0 * b)
+    P = sum(
+        weight * np.einsum("ka,kau->ku", sizes, _derivatives(monomial))
+        for monomial, weight in kernel.items()
+    )
+    return [np.trim_zeros(p, "b").tolist() or [0.0] for p in P]
+
+
+def choose(
+    begins: Mapping[int, float],
+    distance: Array,
+    evaluate: Callable[..., Array],
+    *points: Array,
+) -> Array:
+    """Return values at points, each by the rule that begins last before its distance.
+
+    Parameters
+    ----------
+    begins : mapping
+        From where on each rule serves, upwards; the first one up to where the second begins.
+    distance : ndarray
+        Of the points.
+    evaluate : function
+        Of a rule, and of those of the `points` that it is to serve: arrays of shape (points,), or
+        all points in their own shape.
+    points : ndarray
+        They broadcast to the shape of the distances.
+    """
+    if distance.size == 0:
+        return np.empty(distance.shape)
+    rules, starts = list(begins), np.array(list(begins.values()))
+    ends = distance.min(), distance.max()
+    first, last = np.maximum(np.searchsorted(starts, ends, side="right") - 1, 0)
+    if first == last:
+        return evaluate(rules[first], *points)
+    value = np.empty(distance.shape)
+    points = tuple(np.broadcast_to(array, distance.shape) for array in points)
+    for k in range(first, last + 1):
+        part = distance < starts[k + 1] if k < last else np.ones(distance.shape, bool)
+        if k > first:
+            part &= distance >= starts[k]
+        if part.any():
+            value[part] = evaluate(rules[k], *(array[part] for array in points))
+    return value
+
+
+def sum_series(P: list[list[float]], u: Array, e: Array | float) -> Array:
+    """Return Σ_k e^k P_k(u)."""
+    total = _evaluate(P[-1], u, np.empty_like(u))
+    term = np.empty_like(u)
+    for p in reversed(P[:-1]):
+        total *= e
+        total += _evaluate(p, u, term) if len(p) > 1 else p[0]
+    return total
+
+
+def _evaluate(p: list[float], u: Array, out: Array) -> Array:
+    """Evaluate a polynomial by Horner's rule."""
+    if len(p) == 1:
+        out[...] = p[0]
+        return out
+    np.multiply(u, p[-1], out=out)
+    for c in p[-2:0:-1]:
+        out += c
+        out *= u
+    out += p[0]
+    return out
+
+
+@cache
+def _derivatives(monomial: Monomial) -> Array:
+    """Return the ∂_x^2a ∂_y^2b of a monomial over 2^2k (2a+1)! (2b+1)!, b = k - a.
+
+    Shape (orders k, a, powers of u); zero where a > k.
+    """
+    result = np.zeros((HIGHEST + 1, HIGHEST + 1, HIGHEST + 2))
+    for k in range(HIGHEST + 1):
+        for a in range(k + 1):
+            b = k - a
+            p = [0] * (HIGHEST + 2)
+            for (i, j, _), c in _derivative(monomial, 2 * a, 2 * b).items():
+                # x^i y^j is x^(i % 2) y^(j % 2) u^(i // 2) (1 - u)^(j // 2), times a power of ρ.
+                for power in range(j // 2 + 1):
+                    p[i // 2 + power] += c * comb(j // 2, power) * (-1) ** power
+            below = 4**k * factorial(2 * a + 1) * factorial(2 * b + 1)
+            result[k, a] = [c / below for c in p]
+    return result
+
+
+@cache
+def _derivative(monomial: Monomial, in_x: int, in_y: int) -> dict[Monomial, int]:
+    """Return the monomials of a derivative, and their coefficients."""
+    if in_x == in_y == 0:
+        return {monomial: 1}
+    di, dj = (1, 0) if in_x else (0, 1)
+    derivative: defaultdict[Monomial, int] = defaultdict(int)
+    for (i, j, m), c in _derivative(monomial, in_x - di, in_y - dj).items():
+        derivative[i + di, j + dj, m + 2] -= c * m
+        if power := di * i + dj * j:
+            derivative[i - di, j - dj, m] += c * power
+    return derivative
+
+
+# Along the rectangle ------------------------------------------------------------------------------
+
+# From a distance of t widths on the integrand is analytic in an ellipse whose half axes add up to
+# ϱ = 2 t + √(4 t² - 1) half widths, and Gauss's rule errs by ϱ^(-2 nodes).
+NEAREST, NODES = 2.0, 10
+HIGHEST_ALONG = 4  # Order of the longest series: it begins at 16.6 widths, where Gauss's rule ends.
+NEAR, BY_GAUSS = -2, -1  # The rules that are no order of a series: a closed form, and Gauss's.
+
+
+def _begin_along(order: int) -> float:
+    """Return the distance, in widths, from which on a series up to this order is exact.
+
+    By Cauchy's estimate, as F is analytic where it is less than t away: what is left out first is
+    at most 1/((2k + 1) (2t)^2k).
+    """
+    k = order + 1
+    return float(0.5 * (2.0**54 / (2 * k + 1)) ** (0.5 / k))
+
+
+BEGINS = {
+    NEAR: 0.0,
+    BY_GAUSS: NEAREST,
+    **{order: _begin_along(order) for order in range(HIGHEST_ALONG, -1, -1)},
+}
+
+
+@dataclass(frozen=True)
+class LineIntegral:
+    """∫ f ds of a kernel f over a length at a distance: α closed + β w over the ends.
+
+    Attributes
+    ----------
+    alpha, beta : float
+    closed : function
+        Of t, of s in the middle, the length, and s and ρ at both ends. Its derivative by t is
+        w P(u)/t over the ends, with the polynomial `slope`.
+    powers : (int, int)
+        i and j of w = s^i t^j/ρ^(i+j).
+    slope : tuple of float
+    """
+
+    alpha: float
+    beta: float
+    closed: Callable[..., Array]
+    powers: tuple[int, int]
+    slope: tuple[float, ...]
+
+    @classmethod
+    def inverse(cls, a: float, b: float) -> Self:
+        """Return the integral along s of a/ρ + b t²/ρ³."""
+        return cls(a, b, _logarithm, (1, 0), (-1.0,))
+
+    @classmethod
+    def angle(cls, weight: float) -> Self:
+        """Return the integral along s of t/ρ²."""
+        return cls(weight, 0.0, _angle, (1, 1), (-1.0,))
+
+    @classmethod
+    def half_logarithm(cls, weight: float) -> Self:
+        """Return the integral along s of s/ρ²."""
+        return cls(weight, 0.0, _half_logarithm, (0, 0), (1.0, -1.0))
+
+    def at(self, t: Array, s: Array, length: float) -> Array:
+        """Return α closed, on the line at the distance t."""
+        return self._evaluate([], t, s, length)
+
+    def over_width(self, rule: int, t: Array, s: Array, width: Array, length: float) -> Array:
+        """Return the integral over a width, by a rule that is not `NEAR`."""
+        P = _polynomials_along(self)
+        if rule == BY_GAUSS:
+            value = np.zeros_like(t)
+            for node, weight in gauss(NODES):
+                value += weight * self._evaluate(P[:1], t + node * width, s, length)
+        else:
+            e = 0.5 * width / t
+            e *= e
+            value = self._evaluate(P[: rule + 1], t, s, length, e)
+        value *= width
+        return value
+
+    def _evaluate(
+        self, P: list[list[float]], t: Array, s: Array, length: float, e: Array | float = 0.0
+    ) -> Array:
+        """Return α closed + w Σ_k e^k P_k(u) over the ends."""
+        low, high = s - 0.5 * length, s + 0.5 * length
+        t2 = t * t
+        r1, r2 = np.sqrt(t2 + low * low), np.sqrt(t2 + high * high)
+        value = self.closed(t, s, length, low, high, r1, r2)
+        value *= self.alpha
+        if any(any(p) for p in P):
+            value += self._at_end(P, t, high, r2, e)
+            value -= self._at_end(P, t, low, r1, e)
+        return value
+
+    def _at_end(
+        self, P: list[list[float]], t: Array, s: Array, r: Array, e: Array | float
+    ) -> Array:
+        c = s / r
+        value = sum_series(P, c * c, e)
+        for factor, power in zip((c, t / r if self.powers[1] else 1.0), self.powers, strict=True):
+            if power:
+                value *= factor
+        return value
+
+
+@lru_cache(maxsize=64)
+def _polynomials_along(line: LineIntegral) -> list[list[float]]:
+    """Return the P_2k(u)/(2k+1)! of all orders k."""
+    own = _derivatives_along(line.powers, (1.0,), 0)
+    closed = [np.zeros(1), *_derivatives_along(line.powers, line.slope, 1)]
+    P = [
+        np.polynomial.polynomial.polyadd(line.alpha * closed[2 * k], line.beta * own[2 * k])
+        / factorial(2 * k + 1)
+        for k in range(HIGHEST_ALONG + 1)
+    ]
+    return [p.tolist() for p in P]
+
+
+@cache
+def _derivatives_along(powers: tuple[int, int], first: tuple[float, ...], m: int) -> list[Array]:
+    """Return the P_m, P_m+1 … of derivatives w P_m(u)/t^m, from the first."""
+    i, j = powers
+    u, P = np.polynomial.Polynomial([0.0, 1.0]), np.polynomial.Polynomial(first)
+    found = [P]
+    for order in range(m, 2 * HIGHEST_ALONG):
+        # w' = w (j - (i + j)(1 - u))/t, and u' = -2 u (1 - u)/t.
+        P = (j - (i + j) * (1.0 - u) - order) * P - 2.0 * u * (1.0 - u) * P.deriv()
+        found.append(P)
+    return [p.coef for p in found]
+
+
+def _logarithm(
+    t: Array, s: Array, length: float, low: Array, high: Array, r1: Array, r2: Array
+) -> Array:
+    """Return ∫ ds/ρ = ln (r1 + r2 + length)/(r1 + r2 - length)."""
+    # The lower one is the sum of r1 + low and r2 - high, which are written as none cancels.
+    t2 = t * t
+    before = r1 + np.abs(low)
+    before = np.where(low > 0.0, before, t2 / before)
+    before += t2 / (r2 + high)
+    value: Array = np.log1p(2.0 * length / before)
+    return value
+
+
+def _angle(
+    t: Array, s: Array, length: float, low: Array, high: Array, r1: Array, r2: Array
+) -> Array:
+    """Return ∫ t/ρ² ds, the angle at which the length is seen."""
+    # Where the sum cancels, it is small beside the product: the angle is close to a right one.
+    value: Array = np.arctan2(length * t, t * t + low * high)
+    return value
+
+
+def _half_logarithm(
+    t: Array, s: Array, length: float, low: Array, high: Array, r1: Array, r2: Array
+) -> Array:
+    """Return ∫ s/ρ² ds = ln r2/r1."""
+    return 0.5 * np.log1p(2.0 * length * s / (r1 * r1))
+
+
+@cache
+def gauss(nodes: int) -> list[tuple[float, float]]:
+    """Return the nodes and the weights of Gauss and Legendre's rule on [-½, ½]."""
+    s, w = np.polynomial.legendre.leggauss(nodes) / np.array(2.0)
+    return list(zip(s.tolist(), w.tolist(), strict=True))
+
+
+# All distances ------------------------------------------------------------------------------------
 
 
 def exact_integral(kernel: Kernel, h1: float, h2: float) -> Callable[[Array, Array], Array]:

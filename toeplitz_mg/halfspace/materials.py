@@ -1,11 +1,14 @@
-"""Elastic constants of one body, and what they may be."""
+"""Elastic constants of a body, and of two in contact."""
 
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
+from numbers import Real
+from typing import Any, Self
 
 import numpy as np
 
-from toeplitz_mg.values import positive, real
+from toeplitz_mg.values import positive, real, refuse_masked
+
+WANTED = "a contact.Material, or two of them, (first, second)"  # What is said where it is not.
 
 
 @dataclass(frozen=True, init=False)
@@ -126,6 +129,166 @@ class Material:
         if np.isinf(self.G):
             return "Material.rigid()"
         return f"Material(E={self.E:.10g}, nu={self.nu:.10g})"
+
+
+@dataclass(frozen=True)
+class CombinedMaterial:
+    """Elastic constants of two bodies in contact (see `combined_material`).
+
+    Attributes
+    ----------
+    G, nu : float
+        Shear modulus (N/mm²) and Poisson's ratio of two equal bodies that displace as much.
+    difference : float
+        The `difference_parameter`: it couples the normal and the tangential problem.
+    bodies : (Material, Material) or None
+        The first and the second, where they are known: each has stresses of its own.
+    E_star : float
+        Modulus of the normal contact, G/(1-ν), N/mm²: 1/E* is the sum of both bodies'.
+
+    See Also
+    --------
+    combined_material : makes it.
+    """
+
+    G: float
+    nu: float
+    difference: float = 0.0
+    bodies: tuple[Material, Material] | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        check_constants(self.G, self.nu)
+        check_difference(self.difference, name="difference")
+        match self.bodies:
+            case None | (Material(), Material()):
+                return
+        raise TypeError(f"bodies is {self.bodies!r}, but must be two of contact.Material, or None")
+
+    @property
+    def E_star(self) -> float:
+        """Modulus of the normal contact of both, N/mm²."""
+        return self.G / (1.0 - self.nu)
+
+
+def combined_material(first: Material, second: Material) -> CombinedMaterial:
+    """Combine the constants of two bodies in contact: 1/G and ν/G are averaged.
+
+    Parameters
+    ----------
+    first, second : Material
+
+    Returns
+    -------
+    CombinedMaterial
+        1/G = ½ (1/G₁ + 1/G₂), ν/G = ½ (ν₁/G₁ + ν₂/G₂), of equal bodies theirs; and the
+        `difference_parameter`.
+
+    Raises
+    ------
+    ValueError
+        For two rigid bodies.
+    TypeError
+        For what is not a `Material`.
+
+    See Also
+    --------
+    CombinedMaterial : what it returns.
+    difference_parameter : how unlike two bodies are.
+
+    Notes
+    -----
+    Normal and tangential problems of different materials are coupled besides, in proportion to
+    their `difference_parameter`, by `influence_xz` and `influence_yz`.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import contact, halfspace
+    >>> steel = contact.Material.from_shear(82000.0, 0.28)
+    >>> halfspace.combined_material(steel, steel)
+    CombinedMaterial(G=82000.0, nu=0.28, difference=0.0)
+    >>> halfspace.combined_material(steel, contact.Material.rigid()).G
+    164000.0
+    """
+    for body in (first, second):
+        if not isinstance(body, Material):
+            raise TypeError(f"material is {body!r}, but must be {WANTED}")
+    if np.isinf(first.G) and np.isinf(second.G):
+        raise ValueError("both bodies are rigid, but one must be elastic")
+    if first == second:
+        return CombinedMaterial(first.G, first.nu, bodies=(first, second))
+    G = 2.0 / (1.0 / first.G + 1.0 / second.G)
+    nu = min(0.5, G / 2.0 * (first.nu / first.G + second.nu / second.G))  # Despite rounding.
+    K = G / 4.0 * ((1.0 - 2.0 * first.nu) / first.G - (1.0 - 2.0 * second.nu) / second.G)
+    return CombinedMaterial(G, nu, K, (first, second))
+
+
+def difference_parameter(first: Material, second: Material) -> float:
+    """Return the parameter of the coupling between normal and tangential problems.
+
+    Parameters
+    ----------
+    first, second : Material
+
+    Returns
+    -------
+    float
+        K = ¼ G ((1-2ν₁)/G₁ - (1-2ν₂)/G₂), with the G of `combined_material`. Zero where the
+        materials are equal, or both incompressible; of the other sign where they change places.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For bodies that `combined_material` refuses.
+
+    See Also
+    --------
+    combined_material : the constants of two bodies.
+    influence_matrix : where it enters.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import contact, halfspace
+    >>> soft, rigid = contact.Material.from_shear(1.0, 0.25), contact.Material.rigid()
+    >>> halfspace.difference_parameter(soft, rigid)
+    0.25
+    """
+    return combined_material(first, second).difference
+
+
+def combine(material: Any) -> CombinedMaterial:
+    """Return the combined constants of what a user gave for the bodies, or say what is wrong.
+
+    Parameters
+    ----------
+    material : Material, (Material, Material) or CombinedMaterial
+        Of both bodies; of each of the two; or combined before.
+    """
+    if isinstance(material, CombinedMaterial):
+        return material
+    if isinstance(material, Material):
+        return combined_material(material, material)
+    _refuse_numbers(material)
+    try:
+        first, second = material
+    except (TypeError, ValueError):
+        raise TypeError(f"material is {material!r}, but must be {WANTED}") from None
+    for body in (first, second):
+        _refuse_numbers(body)
+    return combined_material(first, second)
+
+
+def _refuse_numbers(material: Any) -> None:
+    """Refuse two numbers in the place of a body, or of both."""
+    if isinstance(material, np.ndarray):
+        material = refuse_masked("material", material).tolist()
+    match material:
+        case (Real(), Real()):
+            modulus, nu = map(float, material)
+            raise TypeError(
+                f"material is {(modulus, nu)}, but a pair does not say which modulus it has: use "
+                f"contact.Material(E={modulus}, nu={nu}) for Young's modulus or "
+                f"contact.Material.from_shear({modulus}, {nu}) for the shear modulus"
+            )
 
 
 def check_ratio(nu: float) -> float:

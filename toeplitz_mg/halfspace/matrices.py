@@ -5,30 +5,17 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.halfspace.combined import CombinedMaterial, combine
 from toeplitz_mg.halfspace.influence import (
-    influence_xx,
-    influence_xy,
-    influence_xz,
-    influence_yy,
-    influence_yz,
-    influence_zz,
+    KERNELS,
+    influence,
+    line_contact_coefficients,
+    offsets,
 )
-from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
-from toeplitz_mg.halfspace.points import offsets
+from toeplitz_mg.halfspace.materials import CombinedMaterial, combine
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.coefficients import Coefficients
 from toeplitz_mg.values import count, positive, refuse_masked
 
-# The blocks on and above the diagonal, and whether they are even (1) or odd (-1) in x and in y.
-KERNELS: dict[str, tuple[Any, tuple[int, int]]] = {
-    "xx": (influence_xx, (1, 1)),
-    "xy": (influence_xy, (-1, -1)),
-    "xz": (influence_xz, (-1, 1)),
-    "yy": (influence_yy, (1, 1)),
-    "yz": (influence_yz, (1, -1)),
-    "zz": (influence_zz, (1, 1)),
-}
 NEGLIGIBLE = 1e-17  # Size of ν and K on which no digit of a displacement in float64 depends.
 
 
@@ -136,7 +123,7 @@ def assemble(
     """Return the matrix of coefficients, of displacements so many elements further along x."""
     blocks: dict[str, ToeplitzOperator | None] = {}
     for name, c in coefficients.items():
-        parity = KERNELS[name][1]
+        parity = KERNELS[name].parity
         blocks[name] = block = operator_of(c, parity, ahead) if c.any() else None
         # By reciprocity, what is odd in one of x and y has the other sign the other way round.
         is_odd = parity[0] != parity[1]
@@ -174,7 +161,7 @@ def coupling_matrices(
     matrices: list[ToeplitzOperator | None] = []
     for name in (direction + "z" for direction in directions):
         c = quadrant(name, shape, element, bodies, 1.0)
-        matrices.append(operator_of(c, KERNELS[name][1], ahead) if c.any() else None)
+        matrices.append(operator_of(c, KERNELS[name].parity, ahead) if c.any() else None)
     return tuple(matrices)
 
 
@@ -204,11 +191,11 @@ def evaluate(
     name: str, x: Array, y: Array, element: tuple[float, ...], material: CombinedMaterial
 ) -> Array:
     """Return the coefficients of two directions, as "zz", on a surface, at any offsets."""
-    constant = ("K", material.difference) if name in ("xz", "yz") else ("nu", material.nu)
+    constant = KERNELS[name].constant
+    value = material.difference if constant == "K" else material.nu
     # What couples two directions may be too small to be multiplied.
-    value = 0.0 if abs(constant[1]) < NEGLIGIBLE else constant[1]
-    c: Array = KERNELS[name][0](x, y, element, G=material.G, **{constant[0]: value})
-    return c
+    value = 0.0 if abs(value) < NEGLIGIBLE else value
+    return influence(name, x, y, (element[0], element[1]), G=material.G, **{constant: value})
 
 
 def operator_of(c: Array, parity: tuple[int, ...], ahead: int) -> ToeplitzOperator:

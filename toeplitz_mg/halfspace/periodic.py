@@ -6,30 +6,180 @@ A wave of tractions t cos(q·x) on two half-spaces displaces them by waves too,
 
 to it. Along an axis that repeats the tractions are sums of the waves that the grid has, and their
 displacements are taken from this continuous symbol; along an axis that ends they are constant in
-each element, as on a surface that repeats nowhere.
+each element, as on a surface that repeats nowhere: there the modified Bessel functions K₀ and K₁
+are integrated over the elements. With c = cosh t, K₀(s) = ∫ exp(-s c) dt and K₁(s) = ∫ c exp(-s c)
+dt over all t ≥ 0, so that over an element from a > 0 to a + w
+
+    ∫ K₀ ds = ∫ exp(-a c) D/c dt,                D = 1 - exp(-w c),
+    ∫ s K₁ ds = ∫ exp(-a c) (a D + g/c) dt,      g = 1 - (1 + w c) exp(-w c),
+    ∫ s K₀ ds = ∫ exp(-a c) (a D + g/c)/c dt.
+
+All terms are positive, so that nothing cancels. The integrands are analytic within π/2 of the real
+t and die out twice exponentially, so that the trapezoidal rule errs by exp(-π²/step) only.
 """
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import acosh, factorial
+from typing import Any
+
 import numpy as np
-from scipy import fft
+from numpy.typing import DTypeLike
+from scipy import fft, special
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.halfspace.bessel import integrate_bessel
-from toeplitz_mg.halfspace.line_contact import line_contact_coefficients
-from toeplitz_mg.halfspace.materials import check_constants
+from toeplitz_mg.engine.products import DiagonalisedProduct
+from toeplitz_mg.halfspace.influence import line_contact_coefficients
+from toeplitz_mg.halfspace.integrals import choose, sum_series
+from toeplitz_mg.halfspace.materials import CombinedMaterial, check_constants
+from toeplitz_mg.operators import CoupledOperator, DiagonalisedOperator, ToeplitzOperator
+from toeplitz_mg.operators.coefficients import Coefficients
+from toeplitz_mg.operators.positivity import require_positive
 
+STEP = 0.2  # Of the trapezoidal rule: it errs by 4e-22.
+FARTHEST = 39.0  # Exponent beyond which exp(-a c) is nothing, 1e-17.
+NEAREST = 4  # Elements that are done at once, where those further away are twice as many.
+ALIKE = 1.25  # Most that the widths of elements which are done together differ.
+BLOCK = 2**15  # Exponentials that are computed at once: they stay in the cache.
 
-def wavenumbers(shape: tuple[int, ...], element: tuple[float, ...]) -> list[Array]:
-    """Return the wavenumbers of the grid along each axis, 1/mm, as `scipy.fft.rfftn` has them.
-
-    Each has the shape of an axis, to broadcast with the others; along the last axis there are those
-    that are not negative.
-    """
-    last = len(shape) - 1
-    waves = [
-        2.0 * np.pi * (fft.rfftfreq if axis == last else fft.fftfreq)(n, h)
-        for axis, (n, h) in enumerate(zip(shape, element, strict=False))
+# Up to z = w c = 1, g is z² Σ (-1)^k (k + 1)/(k + 2)! z^k: the next term is 1e-17.
+G_SERIES = [[(-1.0) ** k * (k + 1) / factorial(k + 2)] for k in range(18)]
+# Up to d = 1, ∫ K₀ from 0 to d is d Σ (d/2)^2k/(k!² (2k+1)) (Σ 1/j + 1/(2k+1) - γ - ln d/2), with
+# j = 1 … k: the next term is 1e-18.
+K0_SERIES = [
+    [
+        (sum(1.0 / j for j in range(1, k + 1)) + 1.0 / (2 * k + 1) - np.euler_gamma) * weight,
+        -weight,
     ]
-    return list(np.meshgrid(*waves, indexing="ij", sparse=True))
+    for k in range(9)
+    for weight in [1.0 / (factorial(k) ** 2 * (2 * k + 1))]
+]
+
+
+@dataclass(frozen=True)
+class Waves:
+    """The waves of a grid that repeats along some of its axes (see `contact.grid.Grid`).
+
+    The matrices are circulants along an axis that repeats, and embedded in circulants along one
+    that ends. Directions of displacements and tractions are named as in `periodic_eigenvalues`.
+    """
+
+    shape: tuple[int, ...]
+    element: tuple[float, ...]
+    material: CombinedMaterial
+    periodic: tuple[bool, ...]
+    reference: float
+
+    @property
+    def are_all(self) -> bool:
+        """Whether all that moves is a wave: the surface repeats, and nothing of it ends."""
+        return all(self.periodic) and len(self.element) == len(self.shape)
+
+    def normal(self) -> tuple[ToeplitzOperator, float]:
+        """Return the matrix of normal contact over its diagonal, and that."""
+        return self._matrix("zz", is_scaled=True)
+
+    def inverse_of_normal(self) -> tuple[ToeplitzOperator, float]:
+        """Return the pressures by the displacements over their diagonal, and that.
+
+        All axes repeat. A mean displacement takes no pressure.
+        """
+        eigenvalues = self._eigenvalues("zz")
+        eigenvalues.flat[0] = np.inf
+        return self._operator(1.0 / eigenvalues, is_scaled=True)
+
+    def tangential(self) -> ToeplitzOperator | CoupledOperator:
+        """Return the matrix of tangential contact."""
+        if len(self.shape) == 1:
+            # In plane strain both have the same coefficients.
+            return self._matrix("zz" if len(self.element) == 1 else "xx")[0]
+        xx, xy, yy = (self._eigenvalues(directions) for directions in ("xx", "xy", "yy"))
+        product = DiagonalisedProduct(
+            np.array([[xx, xy], [xy, yy]]), self._lengths, (2, *self.shape)
+        )
+        first, second = self._matrix("xx")[0], self._matrix("yy")[0]
+        # Without coupling, as where ν is zero, the block is zero.
+        coupling = self._matrix("xy")[0] if xy.any() else None
+        return CoupledOperator([[first, coupling], [coupling, second]], product=product)
+
+    def invert(self, A: Any, dtype: DTypeLike | None) -> DiagonalisedOperator:
+        """Return the inverse of a matrix, but for its mean, and where the surface ends.
+
+        An axis that ends is taken for one that repeats. The mean, which has no eigenvalue then, is
+        given that of a wave of twice the longest.
+        """
+        precision = np.dtype(dtype or A.dtype)
+        if isinstance(A, CoupledOperator):
+            xx, xy, yy = (self._eigenvalues_of_all(name) for name in ("xx", "xy", "yy"))
+            xx.flat[0] = yy.flat[0] = 2.0 * max(xx.max(), yy.max())
+            determinant = xx * yy - xy**2
+            least = determinant / (xx + yy)
+            inverse = np.array([[yy, -xy], [-xy, xx]]) / determinant
+        else:
+            least = self._eigenvalues_of_all("zz")
+            least *= A.norm_bound / least.max()
+            least.flat[0] = 2.0 * least.max()
+            inverse = 1.0 / least
+        subject = "the matrix of waves has the eigenvalue"
+        require_positive(least, precision, subject, "dtype=np.float64")
+        product = DiagonalisedProduct(inverse, self.shape, A.grid_shape, precision)
+        return DiagonalisedOperator(product, "inverse of waves")
+
+    def _matrix(
+        self, directions: str, *, is_scaled: bool = False
+    ) -> tuple[ToeplitzOperator, float]:
+        """Return a matrix, over its diagonal if so wanted, and that."""
+        is_even = directions[0] == directions[1]
+        return self._operator(self._eigenvalues(directions), is_scaled=is_scaled, is_even=is_even)
+
+    def _operator(
+        self, eigenvalues: Array, *, is_scaled: bool, is_even: bool = True
+    ) -> tuple[ToeplitzOperator, float]:
+        """Return the matrix of a circulant's eigenvalues, over its diagonal if wanted, and that."""
+        column = fft.irfftn(eigenvalues, s=self._lengths)
+        unit = float(column.flat[0])
+        if is_scaled:
+            column /= unit
+            eigenvalues /= unit
+        product = DiagonalisedProduct(eigenvalues, self._lengths, self.shape)
+        if is_even:
+            coefficients = Coefficients(column[tuple(map(slice, self.shape))].copy(), is_even=True)
+        else:  # It is odd in x and in y. The transform has rounded what is to be symmetric.
+            lags = column[np.ix_(*(np.arange(1 - n, n) for n in self.shape))]
+            coefficients = Coefficients(0.5 * (lags + np.flip(lags)), is_even=False)
+        return ToeplitzOperator(coefficients, product=product), unit
+
+    @property
+    def _lengths(self) -> tuple[int, ...]:
+        """The elements of the circulants along each axis."""
+        if len(self.shape) == 1 or self.are_all:
+            return self.shape
+        return tuple(
+            n if repeats else strip_length(n)
+            for n, repeats in zip(self.shape, self.periodic, strict=True)
+        )
+
+    def _eigenvalues(self, directions: str) -> Array:
+        """Return the eigenvalues of a circulant that has the matrix in it."""
+        if self.are_all:
+            return self._eigenvalues_of_all(directions)
+        (n1, n2), (h1, h2) = (*self.shape, 1)[:2], self.element
+        eigenvalues = strip_eigenvalues(
+            (n1, n2),
+            (h1, h2),
+            self.periodic.index(True),
+            directions,
+            G=self.material.G,
+            nu=self.material.nu,
+            reference=self.reference,
+        )
+        # Strips of finite length are one element long.
+        return eigenvalues if len(self.shape) == 2 else eigenvalues[: n1 // 2 + 1, 0]
+
+    def _eigenvalues_of_all(self, directions: str) -> Array:
+        """Return the eigenvalues as where the surface repeats along all axes."""
+        G, nu = self.material.G, self.material.nu
+        return periodic_eigenvalues(self.shape, self.element, directions, G=G, nu=nu)
 
 
 def periodic_eigenvalues(
@@ -76,7 +226,12 @@ def periodic_eigenvalues(
     array([0.      , 0.159155, 0.079577])
     """
     G, nu = check_constants(G, nu)
-    waves = wavenumbers(shape, element)
+    last = len(shape) - 1
+    along = [
+        2.0 * np.pi * (fft.rfftfreq if axis == last else fft.fftfreq)(n, h)
+        for axis, (n, h) in enumerate(zip(shape, element, strict=False))
+    ]
+    waves = np.meshgrid(*along, indexing="ij", sparse=True)
     q = np.sqrt(sum(k**2 for k in waves))
     q.flat[0] = np.inf
     factor = np.array(1.0 - nu)
@@ -179,3 +334,81 @@ def strip_eigenvalues(
     behind = length - len(quarter)
     eigenvalues[len(quarter) :] = (-1.0 if is_odd else 1.0) * quarter[behind:0:-1]
     return eigenvalues
+
+
+def integrate_bessel(
+    width: Array, n: int, *, k0: float = 0.0, s_k1: float = 0.0, s_k0: float = 0.0
+) -> Array:
+    """Return integrals over the elements of a line, the first of which is about zero.
+
+    Parameters
+    ----------
+    width : ndarray of shape (m,)
+        Widths w of an element, upwards.
+    n : int
+        Elements from w (j - ½) to w (j + ½), j = 0 … n - 1.
+    k0, s_k1, s_k0 : float
+        Weights of K₀(|s|), of |s| K₁(|s|) and of s K₀(|s|), which is odd.
+
+    Returns
+    -------
+    ndarray of shape (m, n)
+        To rounding, relative to the largest integral of K₀ of the same width.
+    """
+    integrals = np.zeros((len(width), n))
+    if k0 or s_k1:  # The first element has two halves. Of the odd function they cancel.
+        half = 0.5 * width
+        of_k0 = choose({0: 0.0, 1: 1.0}, half, _from_zero, half)
+        # By parts, ∫ s K₁ ds = ∫ K₀ ds - s K₀.
+        integrals[:, 0] = 2.0 * ((k0 + s_k1) * of_k0 - s_k1 * half * special.k0(half))
+    for waves, elements in _blocks(width, n):
+        w = width[waves, None]
+        a = w * (np.arange(elements.start, elements.stop) - 0.5)
+        c, step = _nodes(float(a[0, 0]))
+        z = w * c
+        D, of_a = -np.expm1(-z), s_k1 + s_k0 / c
+        g = choose({0: 0.0, 1: 1.0}, z, _of_two, z) if s_k1 or s_k0 else 0.0
+        factors = np.stack([(k0 * D + of_a * g) / c * step, of_a * D * step], axis=-1)
+        exponent = np.multiply.outer(-a, c)
+        of_one, of_a = np.moveaxis(np.exp(exponent, out=exponent) @ factors, -1, 0)
+        integrals[waves, elements] = of_one + a * of_a
+    return integrals
+
+
+def _blocks(width: Array, n: int) -> Iterator[tuple[slice, slice]]:
+    """Cut widths and elements, up to where functions are nothing, into blocks of like exponents."""
+    start = 0
+    while start < len(width):
+        w = float(width[start])
+        stop = int(np.searchsorted(width, ALIKE * w, side="right"))
+        first, end = 1, int(min(n, FARTHEST / w + 1.5))
+        while first < end:
+            size = max(BLOCK // len(_nodes(w * (first - 0.5))[0]), 1)
+            last = min(max(2 * first, NEAREST), first + size, end)
+            step = max(size // (last - first), 1)
+            for k in range(start, stop, step):
+                yield slice(k, min(k + step, stop)), slice(first, last)
+            first = last
+        start = stop
+
+
+def _nodes(a: float) -> tuple[Array, Array]:
+    """Return c and the weights of the trapezoidal rule, up to where exp(-a c) is nothing."""
+    t = STEP * np.arange(int(acosh(max(FARTHEST / a, 1.0)) / STEP) + 2)
+    return np.cosh(t), np.where(t == 0.0, 0.5 * STEP, STEP)
+
+
+def _from_zero(is_far: int, d: Array) -> Array:
+    """Return ∫ K₀ ds from 0 to d, which is at most 1, or is from there on."""
+    if is_far:  # The integral to infinity is π/2.
+        c, step = _nodes(1.0)
+        return np.pi / 2.0 - np.exp(np.multiply.outer(-d, c)) @ (step / c)
+    half = 0.5 * d
+    return d * sum_series(K0_SERIES, np.log(half), half * half)
+
+
+def _of_two(is_far: int, z: Array) -> Array:
+    """Return 1 - (1 + z) exp(-z), where z is at most 1, or is from there on."""
+    if is_far:
+        return -np.expm1(-z) - z * np.exp(-z)
+    return z * z * sum_series(G_SERIES, z, z)

@@ -7,8 +7,15 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import WORTH_THREADS, share
-from toeplitz_mg.halfspace.expansion import REACH, Kernel, choose, polynomials, sum_series
-from toeplitz_mg.halfspace.integrals import BLOCK, exact_integral
+from toeplitz_mg.halfspace.integrals import (
+    BLOCK,
+    REACH,
+    Kernel,
+    choose,
+    exact_integral,
+    polynomials,
+    sum_series,
+)
 
 SHARED = 2**17  # Points of a block that threads share: of fewer, they wait for the interpreter.
 FARTHEST = 2.0**500  # Units whose squares do not overflow.

@@ -1,26 +1,42 @@
-"""Stresses in an elastic half-space by uniform tractions on an element: pure functions.
+"""Stresses in an elastic half-space by uniform tractions on an element, in closed form.
 
-Tension is positive, z is the depth, and a traction is what acts on the body, a pressure against
-it. The closed forms are in `stress_integrals`.
+By a pressure after Love (1929), by a tangential traction from Cerruti's potentials (Johnson,
+Contact Mechanics, §3.2). With V = ∬ 1/r and χ = ∬ ln(r + z) over the rectangle, indices for their
+derivatives, and r the distance to the loaded point, a unit pressure gives
+
+    2π σ_xx = 2ν V_z - (1-2ν) χ_xx - z V_xx         2π σ_xy = -(1-2ν) χ_xy - z V_xy
+    2π σ_zz = V_z - z V_zz                          2π σ_xz = -z V_xz
+
+and a unit traction along x, with Ω = ∬ (z ln(r + z) - r),
+
+    2π σ_xx = 2(1+ν) V_x + 2ν Ω_xxx - z χ_xxx       2π σ_xy = V_y + 2ν Ω_xxy - z χ_xxy
+    2π σ_yy = 2ν V_x + 2ν Ω_xyy - z χ_xyy           2π σ_yz = -z V_xy
+    2π σ_zz = -z V_xz                               2π σ_xz = V_z - z V_xx.
+
+Each is a difference over the four corners. But for logarithms its terms are functions of the
+cosines (a, b, c) of the direction from a corner to the point: nothing overflows or is 0/0, at any
+depth and on any edge, and errors are some 1e-16 of the traction. In plane strain the corners are
+the two edges of a strip.
+
+z is the depth in the body, and the traction what acts on it. Tension is positive, and the
+components are in the order xx, yy, zz, yz, xz, xy.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.halfspace.influence import check_element
 from toeplitz_mg.halfspace.materials import check_ratio
-from toeplitz_mg.halfspace.points import check_element
-from toeplitz_mg.halfspace.stress_integrals import (
-    by_pressure,
-    by_traction,
-    exchange,
-    line_by_lateral_traction,
-    line_by_pressure,
-    line_by_traction,
-)
+from toeplitz_mg.halfspace.matrices import operator_of
+from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.values import fields, positive
 
 SIDES = np.array([-0.5, 0.5])  # Where the sides of an element are, over its size.
+# Whether the components xx, yy, zz, yz, xz, xy by a pressure are even (1) or odd (-1) in x and y.
+PARITIES = ((1, 1), (1, 1), (1, 1), (1, -1), (-1, 1), (-1, -1))
 
 
 def stresses_z(
@@ -75,21 +91,13 @@ def stresses_x(
 ) -> Array:
     """Return the stresses by a unit traction along x on an element (Cerruti).
 
-    Parameters
-    ----------
-    x, y, z, element, nu
-        The arguments of `stresses_z`.
+    The arguments are those of `stresses_z`.
 
     Returns
     -------
     ndarray of float64, of shape (6, ...)
         As `stresses_z` returns it. On the edges at the surface the components along it are
         infinite: xx on those across x, yy there too unless ν is zero, xy on those along x.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For arguments that `stresses_z` refuses.
 
     See Also
     --------
@@ -114,20 +122,12 @@ def stresses_y(
 ) -> Array:
     """Return the stresses by a unit traction along y on an element (Cerruti).
 
-    Parameters
-    ----------
-    x, y, z, element, nu
-        The arguments of `stresses_z`.
+    The arguments are those of `stresses_z`.
 
     Returns
     -------
     ndarray of float64, of shape (6, ...)
         As `stresses_x` returns it, with x and y exchanged.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For arguments that `stresses_z` refuses.
 
     See Also
     --------
@@ -162,11 +162,6 @@ def line_stresses_z(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
     ndarray of float64, of shape (6, ...)
         As `stresses_z` returns it; yz and xy are zero.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For arguments that `stresses_z` refuses.
-
     See Also
     --------
     line_stresses_x : by a traction along x.
@@ -186,20 +181,12 @@ def line_stresses_z(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
 def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
     """Return the stresses of plane strain by a unit traction across a strip of infinite length.
 
-    Parameters
-    ----------
-    x, z, h, nu
-        The arguments of `line_stresses_z`.
+    The arguments are those of `line_stresses_z`.
 
     Returns
     -------
     ndarray of float64, of shape (6, ...)
         As `line_stresses_z` returns it; xx and yy are infinite on the edges.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For arguments that `stresses_z` refuses.
 
     See Also
     --------
@@ -221,20 +208,12 @@ def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
 def line_stresses_y(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
     """Return the antiplane stresses by a unit traction along a strip of infinite length.
 
-    Parameters
-    ----------
-    x, z, h, nu
-        The arguments of `line_stresses_z`; no stress depends on Poisson's ratio.
+    The arguments are those of `line_stresses_z`; no stress depends on Poisson's ratio.
 
     Returns
     -------
     ndarray of float64, of shape (6, ...)
         As `line_stresses_z` returns it, with yz and xy alone; xy is infinite on the edges.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For arguments that `stresses_z` refuses.
 
     See Also
     --------
@@ -279,3 +258,213 @@ def _check(**points: ArrayLike) -> list[Array]:
     if (depths < 0.0).any():
         raise ValueError(f"z has the value {depths.min():g}, but a depth is at least zero")
     return arrays
+
+
+# Matrices -----------------------------------------------------------------------------------------
+
+
+def stress_matrices(
+    direction: str, shape: tuple[int, ...], element: tuple[float, ...], depth: float, *, nu: float
+) -> Iterator[ToeplitzOperator | None]:
+    """Yield the matrices of the six components of stress, by tractions in one direction.
+
+    Parameters
+    ----------
+    direction : str
+        Of the tractions: x, y, or z for pressures.
+    shape : (int, int) or (int,)
+    element : (float, float) or (float,)
+        One size is that of strips of infinite length.
+    depth : float
+        Below the surface.
+    nu : float
+        Poisson's ratio of the body.
+
+    Yields
+    ------
+    ToeplitzOperator or None
+        For xx, yy, zz, yz, xz and xy at the depth below the centres; None for what is zero.
+    """
+    quadrants = _quadrants(direction, shape, element, depth, nu)
+    for c, parity in zip(quadrants, PARITIES, strict=True):
+        sign = [-p if d == direction else p for p, d in zip(parity, "xy", strict=True)]
+        yield operator_of(c.reshape(shape), tuple(sign), 0) if c.any() else None
+
+
+def _quadrants(
+    direction: str, shape: tuple[int, ...], element: tuple[float, ...], depth: float, nu: float
+) -> Array:
+    """Return the stresses at offsets that are not negative, of shape (6, n1, n2) or (6, n)."""
+    z = np.array(depth)
+    lines = [h * (np.arange(n + 1) - 0.5) for n, h in zip((*shape, 1), element, strict=False)]
+    if len(element) == 1:
+        if direction == "y":
+            return line_by_lateral_traction(lines[0], z)
+        return (line_by_pressure if direction == "z" else line_by_traction)(lines[0], z, nu)
+    X, Y = lines[0][:, None], lines[1]
+    Y = Y[None, :]
+    if direction == "z":
+        return by_pressure(X, Y, z, nu)
+    return by_traction(X, Y, z, nu) if direction == "x" else exchange(by_traction(Y, X, z, nu))
+
+
+# Closed forms -------------------------------------------------------------------------------------
+
+
+def by_pressure(X: Array, Y: Array, z: Array, nu: float) -> Array:
+    """Return the stresses by a unit pressure on the rectangles between lines.
+
+    Parameters
+    ----------
+    X, Y : ndarray of shape (..., m + 1, 1) and (..., 1, n + 1), or the other way round
+        From the lines that bound the rectangles across x, and across y, to the point.
+    z : ndarray of shape (..., 1, 1), or a number
+        The depth.
+    nu : float
+
+    Returns
+    -------
+    ndarray of shape (6, ..., m, n)
+    """
+    r, a, b, c = _directions(X, Y, z)
+    Axx, Ayy = _angles(a, b, c)
+    (sx, cx), (sy, cy) = _turn(a, c), _turn(b, c)
+    P, Q = b * sx * cx, a * sy * cy  # -z V_xx and -z V_yy
+    with np.errstate(divide="ignore"):
+        xy = (1.0 - 2.0 * nu) * np.log(r + z) + c if nu != 0.5 else c
+    terms = (
+        P - Axx - 2.0 * nu * Ayy,
+        Q - Ayy - 2.0 * nu * Axx,
+        -(Axx + Ayy + P + Q),
+        a * cy * cy,
+        b * cx * cx,
+        -xy,
+    )
+    return np.stack([_over_corners(F) for F in terms]) / (2.0 * np.pi)
+
+
+def by_traction(X: Array, Y: Array, z: Array, nu: float) -> Array:
+    """Return the stresses by a unit traction along x on the rectangles between lines.
+
+    The arguments are those of `by_pressure`.
+    """
+    r, a, b, c = _directions(X, Y, z)
+    Axx, Ayy = _angles(a, b, c)
+    sx, cx = _turn(a, c)
+    V_x, V_y = _log_over_corners(X, Y, z, r), _log_over_corners(Y, X, z, r)
+    zz, e = cx * cx * b, (2.0 * nu + c) / (1.0 + c)
+    terms = (e * b - zz, -e * b, zz, -c, b * sx * cx - Axx - Ayy, -e * a)
+    stresses = np.stack([_over_corners(F) for F in terms])
+    stresses[0] += 2.0 * V_x
+    if nu != 0.0:
+        stresses[1] += 2.0 * nu * V_x
+    stresses[5] += V_y
+    stresses /= 2.0 * np.pi
+    return stresses
+
+
+def exchange(stresses: Array) -> Array:
+    """Return stresses with x and y exchanged."""
+    return stresses[[1, 0, 2, 4, 3, 5]]
+
+
+def line_by_pressure(X: Array, z: Array, nu: float) -> Array:
+    """Return the stresses of plane strain by a unit pressure on strips between edges.
+
+    Parameters
+    ----------
+    X : ndarray of shape (..., m + 1)
+        From the edges to the point.
+    z : ndarray of shape (..., 1), or a number
+    nu : float
+
+    Returns
+    -------
+    ndarray of shape (6, ..., m)
+    """
+    _, s, c = _directions_in_plane(X, z)
+    angle, sc = np.arctan2(s, c), s * c
+    terms = [np.diff(F, axis=-1) for F in (sc - angle, -2.0 * nu * angle, -(angle + sc), c * c)]
+    return _in_plane(*terms)
+
+
+def line_by_traction(X: Array, z: Array, nu: float) -> Array:
+    """Return the stresses of plane strain by a unit traction along x on strips between edges.
+
+    The arguments are those of `line_by_pressure`.
+    """
+    d, s, c = _directions_in_plane(X, z)
+    with np.errstate(divide="ignore"):
+        log = np.diff(np.log(d), axis=-1)
+    zz, xz = (np.diff(F, axis=-1) for F in (c * c, s * c - np.arctan2(s, c)))
+    yy = -2.0 * nu * log if nu != 0.0 else np.zeros_like(log)
+    return _in_plane(-2.0 * log - zz, yy, zz, xz)
+
+
+def line_by_lateral_traction(X: Array, z: Array) -> Array:
+    """Return the antiplane stresses by a unit traction along y on strips between edges.
+
+    The arguments are those of `line_by_pressure`; no stress depends on Poisson's ratio.
+    """
+    d, s, c = _directions_in_plane(X, z)
+    with np.errstate(divide="ignore"):
+        log = np.diff(np.log(d), axis=-1)
+    yz, nothing = -np.diff(np.arctan2(s, c), axis=-1), np.zeros_like(log)
+    return np.stack([nothing, nothing, nothing, yz, nothing, -log]) / np.pi
+
+
+def _in_plane(xx: Array, yy: Array, zz: Array, xz: Array) -> Array:
+    nothing = np.zeros_like(xx)
+    return np.stack([xx, yy, zz, nothing, xz, nothing]) / np.pi
+
+
+def _directions(X: Array, Y: Array, z: Array) -> tuple[Array, Array, Array, Array]:
+    """Return r, X/r, Y/r and z/r; the last three are zero in a corner."""
+    r = np.hypot(np.hypot(X, Y), z)
+    e = np.where(r > 0.0, r, 1.0)
+    return r, X / e, Y / e, z / e
+
+
+def _directions_in_plane(X: Array, z: Array) -> tuple[Array, Array, Array]:
+    d = np.hypot(X, z)
+    e = np.where(d > 0.0, d, 1.0)
+    return d, X / e, z / e
+
+
+def _turn(a: Array, c: Array) -> tuple[Array, Array]:
+    """Return a and c over their hypotenuse; zero where both are."""
+    _, s, c = _directions_in_plane(a, c)
+    return s, c
+
+
+def _angles(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
+    """Return the terms of χ_xx and χ_yy; their sum is that of -V_z.
+
+    The first is atan(Y/X) - atan(z Y/(X r)), here without the jump where X is zero.
+    """
+    product = a * b * ((a * a + b * b) / (1.0 + c))
+    return np.arctan2(product, a * a + c * b * b), np.arctan2(product, b * b + c * a * a)
+
+
+def _log_over_corners(X: Array, Y: Array, z: Array, r: Array) -> Array:
+    """Return the difference over the corners of ln(r + Y), which is asinh(Y/√(X² + z²)).
+
+    In that form one logarithm depends on X alone, and is left out where Y has one sign, so that it
+    is not subtracted from itself, which may be infinite: there the stress is finite.
+    """
+    sign = np.sign(Y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # In a corner at the surface the sign is zero, and so is the term.
+        log = sign * np.log(np.where(sign == 0.0, 1.0, r + np.abs(Y)))
+        across = _step(np.log(np.hypot(X, z))) * _step(sign)
+    return _over_corners(log) - np.where(_step(sign) == 0.0, 0.0, across)
+
+
+def _over_corners(F: Array) -> Array:
+    """Return the difference of the differences along the last two axes."""
+    return np.diff(np.diff(F, axis=-1), axis=-2)
+
+
+def _step(F: Array) -> Array:
+    """Return the difference along that of the last two axes that has more than one number."""
+    return np.diff(F, axis=-1 if F.shape[-1] > 1 else -2)

@@ -12,7 +12,8 @@ from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.window import box_around, ends_of
-from toeplitz_mg.halfspace.matrices import KERNELS, evaluate
+from toeplitz_mg.halfspace.influence import KERNELS
+from toeplitz_mg.halfspace.matrices import evaluate
 from toeplitz_mg.preconditioners.causal import ShiftedInverses
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.slabs.circulants import invert_shifted
@@ -178,7 +179,7 @@ class SlabGrid:
 
     def _block(self, name: str, weights: dict[int, float]) -> ToeplitzOperator | None:
         """Return the part of a matrix for two directions, or None where it is zero."""
-        c, behind, parity = self._evaluate(name, weights), None, KERNELS[name][1]
+        c, behind, parity = self._evaluate(name, weights), None, KERNELS[name].parity
         if weights != AT:
             behind, parity = self._evaluate(name, weights, -1.0), (1, parity[1])
         if not self.vectors.count(c) and (behind is None or not self.vectors.count(behind)):

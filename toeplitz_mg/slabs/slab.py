@@ -15,7 +15,7 @@ from toeplitz_mg.engine.arrays.library import NUMPY, library_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.halfspace.points import offsets
+from toeplitz_mg.halfspace.influence import offsets
 from toeplitz_mg.slabs.cuts import Turn, balance, choose_unit, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.slabs.messages import Messages
