@@ -112,15 +112,6 @@ def test_what_newtons_system_leaves_is_orthogonal_to_the_tangents(share, shape):
             assert np.abs(along_tangents).max() <= rounding * size.max()
 
 
-def test_a_singular_system_of_newtons_has_no_solution():
-    grid, slide = grid_of((5, 4)), np.arange(20) < 3
-    K = SteadyArray(grid.steady(grid.tangential()), np.ones((5, 4), bool))
-    n = np.zeros((2, 20))  # A traction of zero has no direction in which it could turn.
-    r = np.random.default_rng(0).standard_normal((1, 2, 20))
-    areas = Areas(~slide, slide)
-    assert solve_on_tangents(K, areas, n, np.zeros(20), r, precisely=True) is None
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 def test_displacements_are_off_by_no_more_than_they_say(shape):
     problem, _, _, K, _ = bonded(shape)

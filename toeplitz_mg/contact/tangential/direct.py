@@ -85,7 +85,5 @@ def _newton_step(now: Look, areas: Areas, K: SteadyArray, loads: Loads) -> Array
     stiffness = np.minimum(law.stiffness, STIFFEST * K.array[0, 0])
     # Loads are to be restored to their last digit.
     v = solve_on_tangents(K, areas, law.T.n, stiffness, r, precisely=len(loads.wanted) > 0)
-    if v is None:  # There is no step, the areas do not settle, and `iteration` goes on.
-        return np.zeros_like(law.r)
     v[0] *= scale
     return _combine(v, loads.arms, now.missing)

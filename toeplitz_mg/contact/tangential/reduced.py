@@ -15,7 +15,7 @@ from toeplitz_mg.contact.tangential.coulomb import Areas
 
 def solve_on_tangents(
     K: SteadyArray, areas: Areas, n: Array, stiffness: Array, r: Array, *, precisely: bool
-) -> Array | None:
+) -> Array:
     """Return tangents v for which r - (K + λ) v is orthogonal to all tangents.
 
     Parameters
@@ -34,8 +34,8 @@ def solve_on_tangents(
 
     Returns
     -------
-    ndarray of shape (k, components, m), or None
-        None where the system is singular.
+    ndarray of shape (k, components, m)
+        It is no solution where the system is singular: then the areas do not settle.
     """
     stuck, slid = np.flatnonzero(areas.stick), np.flatnonzero(areas.slide)
     for_slip = len(slid) < len(n) * len(stuck)  # Then it has fewer unknowns.
@@ -46,8 +46,6 @@ def solve_on_tangents(
         v = _solve_for_slip(matrix, K.array[0, 0], slid, directions, own, fields)
     else:
         v = _solve_for_tractions(matrix, stuck, slid, directions, own, fields)
-    if v is None:
-        return None
     v = v.astype(np.float64).reshape(r.shape)
     # What rounding leaves along the tractions is taken out.
     v[..., slid] -= n[:, slid] * (n[:, slid] * v[..., slid]).sum(axis=1)[:, None]
@@ -56,7 +54,7 @@ def solve_on_tangents(
 
 def _solve_for_slip(
     inverse: Array, k0: float, slid: Array, n: Array, stiffness: Array, r: Array
-) -> Array | None:
+) -> Array:
     """Find f = r - K v, which is zero where it sticks: then v is K⁻¹ (r - f)."""
     v = r @ inverse.T
     if not len(slid):
@@ -78,8 +76,6 @@ def _solve_for_slip(
         system[k, k + s] -= y * of_f
         system[k + s, k + s] += x * of_f
     f = _solve(system, right)
-    if f is None:
-        return None
     r[:, unknowns] -= f
     v = r @ inverse.T
     if len(n) == 2:
@@ -93,7 +89,7 @@ def _solve_for_slip(
 
 def _solve_for_tractions(
     matrix: Array, stuck: Array, slid: Array, n: Array, stiffness: Array, r: Array
-) -> Array | None:
+) -> Array:
     """Find v by its coordinates in a basis of the tangents."""
     m = len(matrix) // len(n)
     stuck = np.concatenate([stuck + k * m for k in range(len(n))])
@@ -113,15 +109,14 @@ def _solve_for_tractions(
         return v
     system.ravel()[:: len(system) + 1][bound:] += stiffness[: len(slid)]
     weights = _solve(system, project(r.T).T)
-    if weights is None:
-        return None
     v[:, stuck], turns = weights[:, :bound], weights[:, bound:]
     v[:, slid], v[:, slid + m] = -y[:, 0] * turns, x[:, 0] * turns
     return v
 
 
-def _solve(rows: Array, right: Array) -> Array | None:
+def _solve(rows: Array, right: Array) -> Array:
     """Return the solutions, as rows, of a system whose transpose this is, which is overwritten."""
     gesv = lapack.sgesv if rows.dtype == np.float32 else lapack.dgesv
-    *_, solutions, is_singular = gesv(rows.T, right.T, overwrite_a=True, overwrite_b=True)
-    return None if is_singular else solutions.T
+    *_, solutions, _ = gesv(rows.T, right.T, overwrite_a=True, overwrite_b=True)
+    result: Array = solutions.T
+    return result

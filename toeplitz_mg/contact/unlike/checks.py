@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.gaps import read_surface
+from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.result import ContactError, FrictionalResult, check_converged
 
 
@@ -23,14 +24,17 @@ def read_gap(
     return z, element
 
 
-def check_both(result: FrictionalResult, tolerance: float) -> FrictionalResult:
+def check_both(
+    result: FrictionalResult, tolerance: float, report: Report, max_products: int
+) -> FrictionalResult:
     """Return the result, or raise ContactError where it violates a condition."""
-    check_converged(result.tangential, tolerance)
+    limit = f"; max_products is {max_products}: allow more" if report.exhausted else ""
+    check_converged(result.tangential, tolerance, limit)
     if result.residual <= tolerance:
         return result
     raise ContactError(
         f"after {len(result.residuals)} iterations between pressures and friction the conditions "
         f"of contact are violated by {result.residual:.1e} of the largest interference, but the "
-        f"tolerance is {tolerance:g}",
+        f"tolerance is {tolerance:g}{limit}",
         result.normal,
     )

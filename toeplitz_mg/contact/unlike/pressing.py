@@ -196,7 +196,7 @@ def frictional_contact(
         moved = as_given(change, is_field=of_elements)
     tangential = replace(tangential, shift=moved, total_shift=add_shifts(moved, earlier, grid))
     result = FrictionalResult(normal, tangential, residuals, before)
-    doubts.warn(check_both(result, tolerance).warnings)
+    doubts.warn(check_both(result, tolerance, report, max_products).warnings)
     return result
 
 

@@ -164,5 +164,5 @@ def frictional_rolling(
         normal, tangential = pressing.result(q, p), rolling.result(p)
     normal = replace(normal, work=work.units(z.size))
     result = FrictionalResult(normal, tangential, residuals)
-    doubts.warn(check_both(result, tolerance).warnings)
+    doubts.warn(check_both(result, tolerance, report, max_products).warnings)
     return result
