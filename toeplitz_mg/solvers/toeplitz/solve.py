@@ -286,7 +286,7 @@ def _solve_short(
         error, terms = norm(R), system.size * norm(X)
         if not 2.0 * EPS * terms <= ILL_CONDITIONED * size:
             return None  # The residual may be rounding.
-        residual, rounding = error / size, system.rounding_of(terms) / size
+        residual, rounding = error / size, float(system.rounding_of(terms)) / size
         info = SolveInfo(LEVINSON, iterations, max(residual, rounding), error / (terms + size))
         if residual <= (RTOL if rtol is None else rtol):
             return X, info
