@@ -1,4 +1,4 @@
-"""Products and Cholesky factors of small matrices, without the threads of BLAS.
+"""Products, Cholesky factors and inverses of small matrices, without the threads of BLAS.
 
 Those of OpenBLAS, once awake, wait for more to do on cores that our own threads need: for a tenth
 of a second, by default, after a factorisation that takes a thousandth. A library cannot change how
@@ -44,3 +44,19 @@ def factorise(A: Array) -> Array:
             for above in rest[: k + 1]:
                 U[above, columns] -= U[rows, above].T @ U[rows, columns]
     return U
+
+
+def invert(A: Array) -> Array:
+    """Return the inverse of a symmetric positive definite matrix of at most `BLOCK` rows.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the matrix is not positive definite.
+    """
+    factor, fails = dpotrf(A)
+    # Of `dpotri` OpenBLAS makes threads.
+    inverse, singular = dtrtri(factor, overwrite_c=True)
+    if fails or singular:
+        raise np.linalg.LinAlgError("the matrix is not positive definite")
+    return inverse @ inverse.T

@@ -22,9 +22,9 @@ from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.small_matrices import invert
 from toeplitz_mg.engine.vectors import PART, add_combination, dots
 from toeplitz_mg.operators.positivity import is_positive
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, Points, choose_points
@@ -85,7 +85,7 @@ class ApproximateInverse:
         self.diagonal = np.reciprocal(D)
         self.of_lowest = np.zeros((2 * k, 2 * k))
         for parity in (0, 1):
-            self.of_lowest[parity::2, parity::2] = _invert(B[parity])
+            self.of_lowest[parity::2, parity::2] = invert(B[parity])
 
     def apply(self, R: Rows, out: Rows) -> None:
         """Multiply rows by it."""
@@ -114,16 +114,6 @@ def _diagonal(form: CosineForm, lowest: Array) -> Array:
 def _lowest(m: int) -> Points:
     """Return the lowest frequencies of a transform of length m."""
     return choose_points(m, 2 * np.arange(min(LOWEST, m // 2)) + [[0], [1]])
-
-
-def _invert(B: Array) -> Array:
-    """Invert a symmetric positive definite matrix; raise LinAlgError where it is not."""
-    factor, not_positive = dpotrf(B.T, overwrite_a=True)
-    # Of `dpotri` OpenBLAS makes threads, which may wait for each other for a hundred milliseconds.
-    inverse, singular = dtrtri(factor, overwrite_c=True)
-    if not_positive or singular:
-        raise np.linalg.LinAlgError("the matrix of the lowest frequencies is not positive definite")
-    return inverse @ inverse.T
 
 
 class LowRankInverse:
