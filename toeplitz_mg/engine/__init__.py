@@ -13,5 +13,7 @@ The way of one ``A @ x``, from `operators.base`, which hands over x as rows:
    as many threads as `scipy.fft.set_workers` says.
 
 What a transform diagonalises without any embedding (circulants, trigonometric matrices) is a
-product of `products` too.
+product of `products` too. Iterations take their inner products and updates from `vectors`, and
+those of vectors whose rows several processes share from their `ranks`. The arrays of other
+libraries than NumPy have products of their own in `arrays`.
 """
