@@ -9,7 +9,7 @@ from comparisons import pages
 # What a command shows, and how long it takes on one core; with --quick a minute at most.
 COMMANDS = {
     "paper": ("the paper's tables beside its legible cells, and its figures", "4 minutes"),
-    "baselines": ("every method beside pyamg, dense, Levinson and circulants", "36 minutes"),
+    "baselines": ("every method beside pyamg, dense, Levinson and circulants", "a minute"),
     "drop_in": ("solve_toeplitz beside SciPy's and a circulant by hand", "1 hour"),
     "theory": ("contact, friction, rolling and stresses against theory", "10 minutes"),
     "peers": ("a contact problem by aspher, tamaas and ContactMechanics", "20 minutes"),

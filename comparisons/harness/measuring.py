@@ -1,33 +1,19 @@
-"""One method on one system: times, work, peak memory, iterations and true residual."""
+"""A preconditioner in an iteration: CPU time, work, iterations and true residual."""
 
-import math
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import partial
-from statistics import median
+from dataclasses import dataclass
 from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
-from scipy.linalg import matmul_toeplitz
 from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
-from comparisons.harness.processes import in_a_fresh_process, peak_bytes
 from toeplitz_mg._typing import Array
-from toeplitz_mg.paper.problems import test1
 
-System = Any  # A system A x = b, of a Toeplitz matrix or a part of one, with its name.
-Solve = Callable[[], tuple[Array, int | None]]  # Returns x and the iterations, or None if direct.
-Method = Callable[[Any], Solve]  # Sets a `System` up.
 Choice = Callable[[Any], LinearOperator | None]  # Returns a preconditioner of A, or none.
 
 TOLERANCE = 1e-8
-MAXITER = 3000  # Iterations after which a method has not converged, unless told otherwise.
-KILL_AFTER = 60.0  # Seconds after which a method is given up.
-CONVERGED = 1.01 * TOLERANCE  # Largest true residual: the recurrence for it may drift a little.
-WARM_UP_SIZE = 64  # Elements of a first problem, solved before anything is measured.
 
 
 def nothing(A: LinearOperator) -> None:
@@ -47,16 +33,6 @@ PRECONDITIONERS: dict[str, Choice] = {
     "FSAI": tmg.fsai_preconditioner,
     "default": tmg.default_preconditioner,
 }
-
-
-@dataclass(frozen=True)
-class Contender:
-    """A method with its name in tables."""
-
-    name: str
-    method: Method  # From a problem to its solve; the call is the set-up.
-    ours: bool = False  # Whether it is of this package, other than as a baseline.
-    counted: bool = True  # Whether the products that are counted are all of its work.
 
 
 @dataclass(frozen=True)
@@ -113,110 +89,9 @@ def solve(
     return Run(x, iterations, info, setup_s, solve_s, *units, residual)
 
 
-def by_iteration(
-    solver: Any, preconditioner: Choice, problem: System, maxiter: int = MAXITER
-) -> Solve:
-    """Iterate by `cg` or `richardson` on the fast product, with a preconditioner of A."""
-    M = preconditioner(problem.A)
-
-    def solve() -> tuple[Array, int]:
-        options = {"M": M, "rtol": TOLERANCE, "maxiter": maxiter}
-        x, iterations, _ = iterate(problem.A, problem.b, solver=solver, **options)
-        return x, iterations
-
-    return solve
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """What was measured, None where it was not."""
-
-    setup_s: float | None = None
-    solve_s: float | None = None
-    total_s: float | None = None  # Infinite where the process was killed.
-    iterations: int | None = None
-    setup_units: float | None = None
-    solve_units: float | None = None
-    peak_mb: float | None = None  # The rise of the process's peak memory, in MB
-    peak_vectors: float | None = None  # and in vectors of n float64.
-    residual: float | None = None  # By `true_residual`.
-    converged: bool | None = None
-    note: str = ""  # Why something is missing, or the method did not converge.
-
-
-def measure(contender: Contender, problem: System) -> Measurement:
-    """Run a contender in a process of its own, and kill it where it takes too long."""
-    # The problem is sent, not built there: the temporary arrays of building it would be the peak.
-    try:
-        return in_a_fresh_process(partial(_measure_here, contender, problem), KILL_AFTER)
-    except TimeoutError:
-        return Measurement(total_s=math.inf, note=f"over {KILL_AFTER:.0f} s")
-    except ArithmeticError as error:
-        return Measurement(note=str(error))
-
-
-def true_residual(problem: System, x: Array) -> float:
-    """Return ‖b - A x‖ / ‖b‖, by a product that is not the one under test."""
-    column, mask = column_and_mask(problem.A)
-    extended = np.zeros(len(column))
-    extended[mask] = x
-    with np.errstate(all="ignore"):  # A solution may have diverged.
-        r = problem.b - matmul_toeplitz(column, extended, check_finite=False)[mask]
-        return float(np.linalg.norm(r) / np.linalg.norm(problem.b))
-
-
-def column_and_mask(A: LinearOperator) -> tuple[Array, Array]:
-    """Return the first column of the Toeplitz matrix and the mask of the unknowns."""
-    is_masked = isinstance(A, tmg.MaskedOperator)
-    return full_of(A).c, A.mask if is_masked else np.ones(A.shape[0], dtype=bool)
-
-
 def full_of(A: LinearOperator) -> Any:
     """Return the matrix on the whole grid, of which A may be the part on a mask."""
     return A.full if isinstance(A, tmg.MaskedOperator) else A
-
-
-def _measure_here(contender: Contender, problem: System) -> Measurement:
-    """Measure in this process, which is to be a fresh one."""
-    # The first call loads code, a few MB of it, which is neither its time nor its memory.
-    with suppress(Exception):
-        contender.method(test1(WARM_UP_SIZE))()
-    n = problem.A.grid_shape[0]
-    before = peak_bytes()
-    with tmg.count_products() as setup_work:
-        solve, setup_s = time_call(lambda: contender.method(problem))
-    with tmg.count_products() as solve_work:
-        (x, iterations), solve_s = time_call(solve)
-    peak = peak_bytes() - before
-    residual = true_residual(problem, x)
-    converged = residual <= CONVERGED
-    setup_s, solve_s = _repeat(contender, problem, setup_s, solve_s)
-    measurement = Measurement(
-        setup_s=setup_s,
-        solve_s=solve_s,
-        total_s=setup_s + solve_s,
-        iterations=iterations,
-        peak_mb=peak / 1e6,
-        peak_vectors=peak / (8 * n),
-        residual=residual,
-        converged=converged,
-        note="" if converged else "not converged",
-    )
-    if not contender.counted:
-        return measurement
-    return replace(measurement, setup_units=setup_work.units(n), solve_units=solve_work.units(n))
-
-
-def _repeat(
-    contender: Contender, problem: System, setup_s: float, solve_s: float
-) -> tuple[float, float]:
-    """Return the medians with a few more runs, where they are short and easily disturbed."""
-    setups, solves = [setup_s], [solve_s]
-    while len(setups) < 5 and sum(setups) + sum(solves) < 0.5:
-        solve, seconds = time_call(lambda: contender.method(problem))
-        setups.append(seconds)
-        solves.append(time_call(solve)[1])
-    return median(setups), median(solves)
 
 
 def time_call(
