@@ -15,6 +15,7 @@ from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.engine.ranks import SERIAL, is_serial
 from toeplitz_mg.engine.vectors import VECTORS, Vectors
 from toeplitz_mg.operators import algebra
+from toeplitz_mg.operators.coefficients import check_precision
 
 NUMBERS = "fcbui"  # Kinds of dtypes that are multiplied: real, complex, booleans, integers.
 
@@ -243,6 +244,49 @@ class Conjugate(GridOperator):
         return f"<Conjugate of {self._A!r}>"
 
 
+class MatrixOperator(GridOperator):
+    """A grid operator whose entries are known, so that it is written as a matrix is.
+
+    A class has `entries` and `diagonal`, the attributes `is_symmetric` and `is_hermitian`, a
+    ``_cast`` to another precision, and the ``_transposed`` of complex matrices.
+    """
+
+    def astype(self, dtype: DTypeLike) -> Any:
+        """Return the matrix in another precision, or itself where it has that one.
+
+        Parameters
+        ----------
+        dtype : dtype
+            float32 or float64; of a complex matrix complex64 or complex128.
+        """
+        dtype = check_precision(dtype, self.dtype)
+        if self.dtype == dtype:
+            return self
+        self.library.require("dtype", dtype)
+        return self._cast(dtype)
+
+    def toarray(self) -> Array:
+        """Return the matrix as a dense array of shape (N, N), without any transform."""
+        index = np.arange(self.shape[0])
+        return self.entries(index, index)
+
+    trace = algebra.trace
+    __getitem__ = algebra.take
+    __iter__ = None  # Python would count up an index of rows.
+
+    def _transpose(self) -> Any:
+        if self.is_symmetric:
+            return self
+        return self._transposed() if self.dtype.kind == "c" else self._adjoint()
+
+    def _describe(self, grid_shape: tuple[int, ...] | None = None) -> str:
+        """Return the grid, the symmetry and the precision, for a repr."""
+        grid = " x ".join(map(str, grid_shape or self.grid_shape))
+        if self.is_symmetric:
+            return f"{grid}, symmetric, {self.dtype}"
+        return f"{grid}, {'Hermitian' if self.is_hermitian else 'general'}, {self.dtype}"
+
+
 def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Array:
     """Multiply each row of `X` by any operator, of this package or not.
 
@@ -324,10 +368,3 @@ def require_serial(
         raise TypeError(
             f"{name} is {A!r}, an operator on slabs, but must be one of a single process: {instead}"
         )
-
-
-def name_symmetry(A: Any) -> str:
-    """Return what a matrix is, for its repr: symmetric, Hermitian or general."""
-    if A.is_symmetric:
-        return "symmetric"
-    return "Hermitian" if A.is_hermitian else "general"

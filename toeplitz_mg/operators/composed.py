@@ -118,11 +118,12 @@ class DiagonallyScaled(GridOperator):
         return np.multiply(apply_to_rows(self.M, scaled, scaled), self.scale, out=out)
 
     def _adjoint(self) -> "DiagonallyScaled":
-        M = self.M.H
-        return self if M is self.M else DiagonallyScaled(M, self.scale)
+        return self._of(self.M.H)
 
     def _transpose(self) -> "DiagonallyScaled":
-        M = self.M.T
+        return self._of(self.M.T)
+
+    def _of(self, M: LinearOperator) -> "DiagonallyScaled":
         return self if M is self.M else DiagonallyScaled(M, self.scale)
 
     def __repr__(self) -> str:

@@ -9,9 +9,8 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
-from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator, name_symmetry, require_serial
-from toeplitz_mg.operators.coefficients import ROUNDING, check_precision
+from toeplitz_mg.operators.base import MatrixOperator, require_serial
+from toeplitz_mg.operators.coefficients import ROUNDING
 from toeplitz_mg.operators.sums import constant_of
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.values import refuse_masked
@@ -19,7 +18,7 @@ from toeplitz_mg.values import refuse_masked
 Rows = Sequence[Sequence[ToeplitzOperator | None]]
 
 
-class CoupledOperator(GridOperator):
+class CoupledOperator(MatrixOperator):
     """A square array of Toeplitz matrices, between the components of a field on one grid.
 
     The vectors hold one component after the other, each flattened in C order: they are fields of
@@ -146,12 +145,7 @@ class CoupledOperator(GridOperator):
             raise ValueError(f"the block of component {i} on itself is zero")
         return block
 
-    def astype(self, dtype: Any) -> "CoupledOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
-        if self.dtype == dtype:
-            return self
-        dtype = check_precision(dtype, self.dtype)
-        self.library.require("dtype", dtype)
+    def _cast(self, dtype: np.dtype[Any]) -> "CoupledOperator":
         product = self._product.astype(dtype) if dtype.itemsize < self.dtype.itemsize else None
         return CoupledOperator(_cast(self.blocks, dtype), product=product)
 
@@ -183,10 +177,6 @@ class CoupledOperator(GridOperator):
             row[i] = (row[i] or zero).plus_unit(factor)
         return CoupledOperator(rows)
 
-    def toarray(self) -> Array:
-        """Return the matrix as a dense array of shape (N, N), without any transform."""
-        return self.block(np.arange(self.shape[0]))
-
     def block(self, index: Array) -> Array:
         """Return some rows and the same columns, by their positions in the flattened field."""
         index = refuse_masked("index", index)
@@ -212,10 +202,6 @@ class CoupledOperator(GridOperator):
         own = [row[i] for i, row in enumerate(self.blocks)]
         return np.concatenate([zero if block is None else block.diagonal() for block in own])
 
-    trace = algebra.trace
-    __getitem__ = algebra.take
-    __iter__ = None  # Python would count up an index of rows.
-
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
         return self._product(X, out)
@@ -226,18 +212,12 @@ class CoupledOperator(GridOperator):
         blocks = _each(zip(*self.blocks, strict=True), lambda block: block.H)
         return CoupledOperator(blocks, product=self._product.adjoint())
 
-    def _transpose(self) -> "CoupledOperator":
-        if self.is_symmetric:
-            return self
-        if self.dtype.kind != "c":
-            return self._adjoint()
+    def _transposed(self) -> "CoupledOperator":
         return CoupledOperator(_each(zip(*self.blocks, strict=True), lambda block: block.T))
 
     def __repr__(self) -> str:
-        components, *grid = self.grid_shape
-        kind = name_symmetry(self)
-        size = " x ".join(map(str, grid))
-        return f"<CoupledOperator of {components} components, {size}, {kind}, {self.dtype}>"
+        size = self._describe(self.grid_shape[1:])
+        return f"<CoupledOperator of {len(self.blocks)} components, {size}>"
 
 
 def _check_blocks(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> None:

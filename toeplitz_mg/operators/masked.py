@@ -9,21 +9,19 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.arrays.library import library_of
-from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import (
     GridOperator,
+    MatrixOperator,
     apply_to_rows,
     library_for,
     require_serial,
     work_of,
 )
 from toeplitz_mg.operators.coupled import CoupledOperator
-from toeplitz_mg.operators.sums import ToeplitzSum
-from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 from toeplitz_mg.values import refuse_masked
 
 
-class MaskedOperator(GridOperator):
+class MaskedOperator(MatrixOperator):
     """The rows and columns of an operator where a mask is true (paper, §5.4).
 
     The Toeplitz structure is lost, the fast product is not: extend the vector by zeros, multiply
@@ -99,7 +97,7 @@ class MaskedOperator(GridOperator):
         The entries of a Toeplitz matrix are copied, without any transform; any other operator is
         multiplied with the unit matrix.
         """
-        if isinstance(self.full, ToeplitzOperator | CoupledOperator | ToeplitzSum):
+        if isinstance(self.full, MatrixOperator):
             return self.full.entries(self._index, self._index)
         return self.apply(np.eye(self.shape[0], dtype=self.dtype)).T
 
@@ -137,6 +135,8 @@ class MaskedOperator(GridOperator):
         return grid
 
     def _restrict(self, full: Any) -> Any:
+        if full is self.full:
+            return self
         return full if full is NotImplemented else MaskedOperator(full, self.mask)
 
     @property
@@ -163,10 +163,6 @@ class MaskedOperator(GridOperator):
         """Return the entries (i, i), shape (N,)."""
         return self._whole().diagonal()[self._index]
 
-    trace = algebra.trace
-    __getitem__ = algebra.take
-    __iter__ = None  # Python would count up an index of rows.
-
     def _whole(self) -> Any:
         if not hasattr(self.full, "entries"):
             raise TypeError(f"{self.full!r} has no entries at hand: multiply it with unit vectors")
@@ -181,12 +177,10 @@ class MaskedOperator(GridOperator):
         return library.restrict(apply_to_rows(self.full, grid, grid), self._cells, out)
 
     def _adjoint(self) -> "MaskedOperator":
-        full = self.full.H
-        return self if full is self.full else MaskedOperator(full, self.mask)
+        return self._restrict(self.full.H)
 
     def _transpose(self) -> "MaskedOperator":
-        full = self.full.T
-        return self if full is self.full else MaskedOperator(full, self.mask)
+        return self._restrict(self.full.T)
 
     def __repr__(self) -> str:
         return f"<MaskedOperator {self.shape[0]} of {self.mask.size} points of {self.full!r}>"

@@ -5,14 +5,11 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike
 from scipy.sparse import issparse
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator, name_symmetry, require_numpy
-from toeplitz_mg.operators.coefficients import check_precision
+from toeplitz_mg.operators.base import GridOperator, MatrixOperator, require_numpy
 from toeplitz_mg.values import refuse_masked
 
 if TYPE_CHECKING:  # At run time `toeplitz` imports this file.
@@ -27,7 +24,7 @@ class Term(NamedTuple):
     right: Any
 
 
-class ToeplitzSum(GridOperator):
+class ToeplitzSum(MatrixOperator):
     """A sum Σ L A R + D of Toeplitz matrices A between diagonal ones, and of a diagonal one.
 
     It comes of ``A + D``, ``D @ A``, ``A @ D`` and their sums, where D is a diagonal matrix of
@@ -111,7 +108,7 @@ class ToeplitzSum(GridOperator):
         self.offset = _cast(diagonal, dtype)
         work = sum(term.A.work for term in self.terms)
         super().__init__(dtype, self.terms[0].A.grid_shape, work)
-        self.is_symmetric = self.is_hermitian = self._is(self._transposed())
+        self.is_symmetric = self.is_hermitian = self._is(self._transposed_terms())
         if dtype.kind == "c":
             is_real = diagonal is None or not diagonal.imag.any()
             self.is_hermitian = is_real and self._is(self._adjoint_terms())
@@ -140,11 +137,7 @@ class ToeplitzSum(GridOperator):
         terms, offset = terms_of(other)
         return simplify(self.terms + terms, _plus(self.offset, offset)) if terms else NotImplemented
 
-    def astype(self, dtype: DTypeLike) -> "ToeplitzSum":
-        """Return the matrix in another precision, or itself where it has that one."""
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
+    def _cast(self, dtype: np.dtype[Any]) -> "ToeplitzSum":
         terms = (Term(*(_cast(part, dtype) for part in term)) for term in self.terms)
         return ToeplitzSum(terms, _cast(self.offset, dtype))
 
@@ -155,11 +148,6 @@ class ToeplitzSum(GridOperator):
         for left, A, right in self.terms:
             bound += _largest(left) * float(A.norm_bound) * _largest(right)
         return bound
-
-    def toarray(self) -> Array:
-        """Return the matrix as a dense array of shape (N, N), without any transform."""
-        index = np.arange(self.shape[0])
-        return self.entries(index, index)
 
     def entries(self, rows: Array, columns: Array) -> Array:
         """Return the entries in some rows and columns, positions in the flattened grid."""
@@ -178,10 +166,6 @@ class ToeplitzSum(GridOperator):
         for left, A, right in self.terms:
             total += _times(_times(left, A.diagonal()), right)
         return total if self.offset is None else total + self.offset
-
-    trace = algebra.trace
-    __getitem__ = algebra.take
-    __iter__ = None  # Python would count up an index of rows.
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
@@ -202,13 +186,13 @@ class ToeplitzSum(GridOperator):
     def _adjoint(self) -> "ToeplitzSum":
         return self if self.is_hermitian else ToeplitzSum(self._adjoint_terms(), _conj(self.offset))
 
-    def _transpose(self) -> "ToeplitzSum":
-        return self if self.is_symmetric else ToeplitzSum(self._transposed(), self.offset)
+    def _transposed(self) -> "ToeplitzSum":
+        return ToeplitzSum(self._transposed_terms(), self.offset)
 
     def _adjoint_terms(self) -> list[Term]:
         return [Term(_conj(right), A.H, _conj(left)) for left, A, right in self.terms]
 
-    def _transposed(self) -> list[Term]:
+    def _transposed_terms(self) -> list[Term]:
         return [Term(right, A.T, left) for left, A, right in self.terms]
 
     def _is(self, terms: list[Term]) -> bool:
@@ -220,9 +204,7 @@ class ToeplitzSum(GridOperator):
             f"{'D ' * (left is not None)}A{' D' * (right is not None)}"
             for left, _, right in self.terms
         ] + ["D"] * (self.offset is not None)
-        grid = " x ".join(map(str, self.grid_shape))
-        kind = name_symmetry(self)
-        return f"<ToeplitzSum {' + '.join(names)}, {grid}, {kind}, {self.dtype}>"
+        return f"<ToeplitzSum {' + '.join(names)}, {self._describe()}>"
 
 
 def terms_of(A: Any) -> tuple[tuple[Term, ...], Array | None]:

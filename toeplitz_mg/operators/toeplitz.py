@@ -5,19 +5,18 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike
+from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
-from toeplitz_mg.operators import algebra
-from toeplitz_mg.operators.base import GridOperator, name_symmetry
-from toeplitz_mg.operators.coefficients import Coefficients, check_precision, name_dense
+from toeplitz_mg.operators.base import GridOperator, MatrixOperator
+from toeplitz_mg.operators.coefficients import Coefficients, name_dense
 from toeplitz_mg.operators.sums import Term, ToeplitzSum, simplify
 from toeplitz_mg.values import refuse_masked
 
 
-class ToeplitzOperator(GridOperator):
+class ToeplitzOperator(MatrixOperator):
     """A real or complex Toeplitz matrix, of one axis or several, that multiplies by FFT.
 
     Its entry for the grid points i and j depends on i - j only. On a grid of two axes it is a
@@ -206,18 +205,7 @@ class ToeplitzOperator(GridOperator):
         shifts = tuple(1 - n for n in self.grid_shape)
         return library.xp.roll(column, shifts, axis=tuple(range(lags.ndim)))
 
-    def astype(self, dtype: DTypeLike) -> "ToeplitzOperator":
-        """Return the matrix in another precision, or itself where it has that one.
-
-        Parameters
-        ----------
-        dtype : dtype
-            float32 or float64; of a complex matrix complex64 or complex128.
-        """
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
-        self.library.require("dtype", dtype)
+    def _cast(self, dtype: np.dtype[Any]) -> "ToeplitzOperator":
         is_less = dtype.itemsize < self.dtype.itemsize
         product = self._product.astype(dtype) if is_less else None
         return ToeplitzOperator(self._coefficients.astype(dtype), product=product)
@@ -231,10 +219,6 @@ class ToeplitzOperator(GridOperator):
     def coefficients(self) -> Coefficients:
         """The coefficients, in their normal form."""
         return self._coefficients
-
-    def toarray(self) -> Array:
-        """Return the matrix as a dense array of shape (N, N), without any transform."""
-        return self.block(np.arange(self.shape[0]))
 
     def block(self, index: Array) -> Array:
         """Return some rows and the same columns as a dense array.
@@ -261,10 +245,6 @@ class ToeplitzOperator(GridOperator):
     def diagonal(self) -> Array:
         """Return the entries (i, i), shape (N,), which are all the same."""
         return np.full(self.shape[0], self.diagonal_entry)
-
-    trace = algebra.trace
-    __getitem__ = algebra.take
-    __iter__ = None  # Python would count up an index of rows.
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
         """Return L A R: a ToeplitzOperator for numbers (see `GridOperator.scaled`)."""
@@ -313,14 +293,8 @@ class ToeplitzOperator(GridOperator):
         coefficients = self._coefficients.transpose.conjugate
         return ToeplitzOperator(coefficients, product=self._product.adjoint())
 
-    def _transpose(self) -> "ToeplitzOperator":
-        if self.is_symmetric:
-            return self
-        if self.dtype.kind != "c":
-            return self._adjoint()
+    def _transposed(self) -> "ToeplitzOperator":
         return ToeplitzOperator(self._coefficients.transpose)
 
     def __repr__(self) -> str:
-        grid = " x ".join(map(str, self.grid_shape))
-        kind = name_symmetry(self)
-        return f"<ToeplitzOperator {grid}, {kind}, {self.dtype}>"
+        return f"<ToeplitzOperator {self._describe()}>"
