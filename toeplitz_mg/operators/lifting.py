@@ -182,12 +182,13 @@ def lift(
     ----------
     accepts : {"symmetric", "symmetric part", "Hermitian", "any"}
         The Toeplitz matrices that the function takes: real symmetric ones; of any real ones the
-        symmetric part; real symmetric and complex Hermitian ones; or any. Others are refused.
+        symmetric part; real symmetric and complex Hermitian ones; or any. Others are refused,
+        by the function itself where it sees the mask.
     parts : tuple of {"components", "mask"}
         What is taken apart. With "components" the function sees the matrix of each component of a
         `CoupledOperator` by itself, and the result is block diagonal. With "mask" it sees the
         `ToeplitzOperator` on the whole grid only, and the result is restricted to the mask. What
-        is not taken apart the function sees as it is, and refuses by itself.
+        is not taken apart the function sees as it is.
     numpy_only : bool
         Whether operators on arrays of other libraries than NumPy are refused.
 
