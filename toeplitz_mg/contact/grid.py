@@ -24,8 +24,8 @@ from toeplitz_mg.halfspace.matrices import (
 )
 from toeplitz_mg.halfspace.periodic import Waves
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
-from toeplitz_mg.preconditioners.candidates import quick_fsai
 from toeplitz_mg.preconditioners.causal import ShiftedInverses
+from toeplitz_mg.preconditioners.choice import quick_fsai
 from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import in_range

@@ -1,21 +1,23 @@
 """Which preconditioner for which matrix and mask, and why: the one place that chooses.
 
-Facts come from `toeplitz_mg.preconditioners.traits`; out go candidates with reasons, the fastest
-first. `default_preconditioner` makes the first that is not refused, `select_preconditioner` lists
-them (both in `default`), and the active sets of `toeplitz_mg.contact` ask whether FSAI is worth its
-set-up.
+The table `ROWS` is read from top to bottom. The rows that fit a matrix are its candidates, the
+fastest first: `default_preconditioner` makes the first that is not refused, `select_preconditioner`
+lists them (both in `default`). The active sets of `toeplitz_mg.contact` ask here whether FSAI is
+worth its set-up.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from functools import partial
-from itertools import chain
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Mask
+from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.columns.columns import Columns
 from toeplitz_mg.columns.first_column import RESOLVED
 from toeplitz_mg.columns.spectral_factor import factor_symbol
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
@@ -26,23 +28,14 @@ from toeplitz_mg.operators.lifting import (
     unwrap,
     unwrap_toeplitz,
 )
+from toeplitz_mg.operators.positivity import precision
 from toeplitz_mg.operators.symbol import symbol_of_line
 from toeplitz_mg.preconditioners import traits
-from toeplitz_mg.preconditioners.candidates import (
-    OF_ANY_LINE,
-    OF_ANY_MATRIX,
-    OF_LINE_WITH_GAPS,
-    OF_SMOOTH,
-    OTHERS,
-    couple,
-    factorise,
-    quick_fsai,
-)
-from toeplitz_mg.preconditioners.direct import DIRECT
-from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
-from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
-from toeplitz_mg.preconditioners.selection import Candidate
-from toeplitz_mg.preconditioners.spectral import spectral_inverse, spectral_preconditioner
+from toeplitz_mg.preconditioners.circulant import chan_preconditioner
+from toeplitz_mg.preconditioners.direct import DIRECT, DenseInverse
+from toeplitz_mg.preconditioners.fsai.neighbours import NUMBERS
+from toeplitz_mg.preconditioners.fsai.preconditioner import coupled_fsai, fsai_preconditioner
+from toeplitz_mg.preconditioners.spectral import spectral_inverse
 from toeplitz_mg.preconditioners.trigonometric import (
     cosine_inverse,
     cosine_preconditioner,
@@ -51,23 +44,89 @@ from toeplitz_mg.preconditioners.trigonometric import (
 )
 from toeplitz_mg.values import count
 
-# `python -m comparisons.preconditioners` measures both sides of these, and of DIRECT:
-FEW = 40_000  # Most unknowns of one blob that sine transforms solve for before FSAI is set up.
-COMPACT = 5.0  # Largest `fragmentation` of one blob.
+FEW, SMOOTH, _ = (
+    NUMBERS  # Neighbours in a row of FSAI: the shortest set-up, and for smooth kernels.
+)
+
+# The constants that choose. `python -m comparisons.preconditioners` measures both sides of the
+# first two, and of DIRECT, and `python -m comparisons.theory` those of active sets, by the products
+# on rough surfaces.
 LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the calls of FSAI.
-
-ALIKE = 0.5  # Least `likeness_of_axes` at which a sine transform is as good as for squares.
-
-# x is the column of the spectral factor of a line.
-WELL_RESOLVED = 0.01  # Largest ‖A x - e₁‖ of a symbol that n coefficients of any sign resolve.
-HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ at which a symbol is of use where they decrease.
-
-# `python -m comparisons.theory` shows these, by the products on rough surfaces.
+COMPACT = 5.0  # Largest `fragmentation` of one blob.
+HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ of a spectral factor of a symbol that is of use.
+STEPS = 10  # Steps of conjugate gradients in a trial, of all candidates together.
+STEPS_OF_EACH = 2  # Those after which the energy tells preconditioners apart.
+NEARLY = (
+    0.99  # Least fall of the energy without a preconditioner, over that with it, to do without.
+)
+ADVANTAGE = 2.0  # Largest quotient of the residuals without a preconditioner and with it, for none.
 LARGE = 2**16  # Fewest elements of a grid on which an active set is worth a set-up of FSAI.
 SETTLED = 0.05  # Largest share of a set that changed where FSAI is set up: it soon changes no more.
 # Largest share of a set that changed where FSAI is kept. Where more did, a set-up, which takes as
 # long as one to three products, saves more than that; where less did, it saves about one.
 KEPT = 0.004
+
+Make = Callable[..., LinearOperator]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A preconditioner that may be taken.
+
+    Attributes
+    ----------
+    name : str
+        Of the function of this package that makes it, or what it is.
+    reason : str
+        Why it stands where it does.
+    make : callable
+        ``make(A, dtype=dtype)`` returns it, or raises a LinAlgError where it is refused.
+    is_exact : bool
+        Whether it is the inverse itself, which needs no trial.
+    """
+
+    name: str
+    reason: str
+    make: Make = field(repr=False)
+    is_exact: bool = False
+
+
+@dataclass(frozen=True, repr=False)
+class Selection:
+    """What `default_preconditioner` takes of a matrix, and why, without building it.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        The first that is not refused is taken, unless there is a trial.
+    others : tuple of Candidate
+        Those that a trial compares with it, and with none.
+    needs_trial : bool
+        Whether there is a trial of what is not exact, or only where all candidates are refused.
+    components : tuple of Selection
+        Where there are several, and all candidates are refused: those of each by itself.
+    """
+
+    candidates: tuple[Candidate, ...]
+    others: tuple[Candidate, ...] = ()
+    needs_trial: bool = False
+    components: tuple["Selection", ...] = ()
+
+    def __repr__(self) -> str:
+        lines = [f"{candidate.name}: {candidate.reason}" for candidate in self.candidates]
+        lines = [("if refused, " if k else "") + line for k, line in enumerate(lines)]
+        if self.others:
+            names = ", ".join(candidate.name for candidate in self.others)
+            when = "and then" if self.needs_trial else "if all are refused,"
+            names = f"it, {names}" if self.needs_trial else names
+            trial = f"by a trial of {STEPS} steps of CG in all"
+            lines.append(f"{when} the best of {names} and none, {trial}")
+        if self.components:
+            lines.append(("if refused, " if lines else "") + "each component by itself:")
+            # Most often it is the same for all.
+            for text in dict.fromkeys(map(repr, self.components)):
+                lines += [f"    {line}" for line in text.splitlines()]
+        return "\n".join(lines)
 
 
 class Plan(NamedTuple):
@@ -75,9 +134,9 @@ class Plan(NamedTuple):
 
     A: LinearOperator  # The matrix that they are made of, on a line without axes of one element.
     candidates: Iterator[Candidate]
-    others: tuple[Candidate, ...]
-    needs_trial: bool
-    components: Iterator["Plan"]
+    others: tuple[Candidate, ...] = ()
+    needs_trial: bool = False
+    components: Iterator["Plan"] = iter(())
 
 
 def plan(A: LinearOperator, solves: int) -> Plan:
@@ -90,144 +149,319 @@ def plan(A: LinearOperator, solves: int) -> Plan:
     check_hermitian(full)
     # A product of several components costs more, and so few iterations are worth more.
     parts = (_plan(component, True) for component in components(full, mask))
-    return Plan(A, _of_all_components(A, mask), (), False, parts)
+    return Plan(A, _of_all_components(A, mask), components=parts)
 
 
 def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
     """Return what may be taken of one component."""
-    full, mask = unwrap_toeplitz(A, check_hermitian)
-    full = full.squeezed
-    # What is made of even coefficients is not for a complex matrix.
-    is_complex = full.dtype.kind == "c"
-    others = (OF_ANY_MATRIX,) if is_complex else OTHERS
-    is_part = mask is not None and not mask.all()
-    if not is_part and len(full.grid_shape) == 1:
-        of_symbol = iter(()) if is_complex else candidates_of_line(full)
-        of_line = chain(_of_few(full.shape[0]), of_symbol, [OF_ANY_LINE])
-        return Plan(full, of_line, others, False, iter(()))
-    if is_complex:
-        candidates = iter(others)
-    elif mask is not None and is_part:
-        candidates = _of_mask(full, mask.reshape(full.grid_shape), is_worth_set_up)
-    else:
-        candidates = _of_grid(full)
-    needs_trial = is_complex or not traits.decreases_along_axes(full)
-    return Plan(A, chain(_of_few(A.shape[0]), candidates), others, needs_trial, iter(()))
-
-
-def _of_few(unknowns: int) -> Iterator[Candidate]:
-    if unknowns <= DIRECT:
-        yield Candidate("Cholesky factor", f"at most {DIRECT} unknowns", factorise, is_exact=True)
+    facts = Facts(A, is_worth_set_up)
+    needs_trial = not facts.is_line and not facts.decreases
+    others = tuple(_read(OTHERS, facts))
+    return Plan(facts.full if facts.is_line else A, _read(ROWS, facts), others, needs_trial)
 
 
 def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candidate]:
     """Yield what may be taken of coupled components together."""
-    yield from _of_few(A.shape[0])
+    if A.shape[0] <= DIRECT:
+        yield Candidate(*CHOLESKY, factorise, is_exact=True)
     if mask is not None and not mask.all() and A.dtype.kind != "c":
         reason = "a mask; of all components together, if their coupling is strong"
         yield Candidate("fsai_preconditioner", reason, couple)
 
 
-def candidates_of_line(A: ToeplitzOperator) -> Iterator[Candidate]:
-    """Yield the preconditioners of a whole line that its symbol allows, the fastest first.
+class Facts:
+    """What the table asks of a matrix of one component; what takes long is found when it is asked.
 
-    There may be none: where the symbol has no positive samples and no zero at an end, or is not
-    resolved by n coefficients at all.
-
-    Parameters
+    Attributes
     ----------
-    A : ToeplitzOperator
-        Symmetric, of one axis. The candidates are for this matrix alone.
+    A : LinearOperator
+    full : ToeplitzOperator
+        That of the whole grid, without axes of one element.
+    is_worth_set_up : bool
+        Whether few iterations are worth a longer set-up.
+    is_complex : bool
+    is_line, is_grid, is_mask : bool
+        Whether the unknowns are all of a line, all of a grid of more axes, or some of either.
     """
-    if len(A.c) >= LONG and traits.decays_slowly(A.c):
-        # 4 to 12 iterations, but next to no set-up, and cheap ones.
-        yield Candidate.of(fsai_preconditioner, "a long line of slow decay")
-    A = A.astype(np.float64)
-    samples = symbol_of_line(A)
-    by_sine = partial(sine_inverse, samples=samples)
-    by_cosine = partial(cosine_inverse, samples=samples)
-    is_smooth = traits.decreases(A.c)
-    if traits.has_zero_at_start(samples):
-        # The sines do not see it: 3 to 10 iterations to 1e-8.
-        yield Candidate.of(sine_preconditioner, "a zero of the symbol at θ = 0", by_sine)
-    elif traits.has_zero_at_start(samples[::-1]):
-        # The cosines do not see that.
-        yield Candidate.of(cosine_preconditioner, "a zero of the symbol at θ = π", by_cosine)
-    elif is_smooth and traits.decays_exponentially(A.c):
-        # As wide as the matrix, more or less: 2 to 5 iterations.
-        yield Candidate.of(cosine_preconditioner, "an exponential covariance", by_cosine)
-    else:
-        with suppress(np.linalg.LinAlgError):  # The symbol may not be positive.
-            factor = factor_symbol(A, samples)
-            is_resolved = factor.residual <= RESOLVED and factor.is_definite
-            if is_resolved or not is_smooth:
-                # 1 to 8 iterations. Of coefficients that go on and on, as isolated ones do, a
-                # rough factor takes more.
-                near = RESOLVED if is_smooth else WELL_RESOLVED
-                of_factor = partial(spectral_inverse, residual=near, factor=factor)
-                is_near = factor.residual <= near
-                trait = "a symbol that is resolved" if is_near else "no decrease with the lag"
-                yield Candidate.of(spectral_preconditioner, trait, of_factor)
-            elif factor.residual <= HARDLY_RESOLVED:
-                # As wide as the matrix, with a simple tail: 2 to 6 iterations.
-                yield Candidate.of(cosine_preconditioner, "a wide covariance", by_cosine)
+
+    def __init__(self, A: LinearOperator, is_worth_set_up: bool) -> None:
+        full, self._mask = unwrap_toeplitz(A, check_hermitian)
+        self.A, self.full, self.is_worth_set_up = A, full.squeezed, is_worth_set_up
+        self.is_complex = A.dtype.kind == "c"
+        self.is_mask = self._mask is not None and not self._mask.all()
+        self.is_line = not self.is_mask and len(self.full.grid_shape) == 1
+        self.is_grid = not self.is_mask and not self.is_line
+
+    @property
+    def is_real_line(self) -> bool:
+        """Whether the unknowns are all of a line, and real: the symbol tells what is taken."""
+        return self.is_line and not self.is_complex
+
+    @property
+    def is_large(self) -> bool:
+        """Whether transforms of the grid take longer than the calls of FSAI."""
+        return self.full.c.size >= LONG
+
+    @cached_property
+    def decreases(self) -> bool:
+        """Whether the coefficients are positive and decrease along each axis."""
+        if self.is_complex or not self.full.is_even:
+            return False
+        return all(map(traits.decreases, traits.along_axes(self.full.c)))
+
+    @cached_property
+    def decays_slowly(self) -> bool:
+        """Whether the coefficients decay along each axis as those of a half-space."""
+        return all(map(traits.decays_slowly, traits.along_axes(self.full.c)))
+
+    # The symbol of a line -----------------------------------------------------------------------
+
+    @cached_property
+    def line(self) -> ToeplitzOperator:
+        """The matrix in double precision."""
+        return self.full.astype(np.float64)
+
+    @cached_property
+    def samples(self) -> Array:
+        """The symbol at θ = πk/m, k = 0 … m."""
+        return symbol_of_line(self.line)
+
+    @cached_property
+    def factor(self) -> Columns | None:
+        """The column of the inverse by the spectral factor, of a real matrix, if that has one."""
+        if self.is_complex:
+            return None
+        with suppress(np.linalg.LinAlgError):
+            return factor_symbol(self.line, self.samples)
+        return None
+
+    @property
+    def is_hardly_resolved(self) -> bool:
+        """Whether the symbol is positive, and not all is lost of it with n lags."""
+        return self.factor is not None and self.factor.residual <= HARDLY_RESOLVED
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether that column makes a preconditioner."""
+        factor = self.factor
+        return factor is not None and factor.residual <= RESOLVED and factor.is_definite
+
+    def invert(self, inverse: Callable[..., LinearOperator], **known: Any) -> Make:
+        """Return what makes a preconditioner of the line, of samples or factors that are known."""
+
+        def make(_: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
+            return inverse(self.full, **known, dtype=dtype)
+
+        return make
+
+    # FSAI ---------------------------------------------------------------------------------------
+
+    @property
+    def suits_fsai(self) -> bool:
+        """Whether there are rows of FSAI: on one axis or two, of coefficients that are even."""
+        return not self.is_complex and len(self.full.grid_shape) <= 2 and self.full.is_even
+
+    @cached_property
+    def suits_sine(self) -> bool:
+        """Whether a mask is of one piece, or nearly, and FSAI not worth its set-up."""
+        shape, mask = self.full.grid_shape, self._mask
+        if mask is None or not (self.is_mask and self.suits_fsai) or len(shape) == 1:
+            return False
+        is_quick = not (self.is_worth_set_up or self.is_large)
+        return is_quick and traits.fragmentation(mask.reshape(shape)) <= COMPACT
+
+    @property
+    def has_slow_transforms(self) -> bool:
+        """Whether a length is slow for transforms, for which the cosine takes twice the iterations.
+
+        FSAI needs coefficients that decay slowly, as those of a half-space.
+        """
+        is_slow = self.is_large and traits.has_slow_length(self.full.grid_shape)
+        return self.suits_fsai and is_slow and self.decays_slowly
 
 
-def _of_grid(A: ToeplitzOperator) -> Iterator[Candidate]:
-    """Yield what may be taken of the whole of a grid."""
-    if _has_slow_transforms(A):
-        yield Candidate.of(fsai_preconditioner, "slow transforms, and slow decay", quick_fsai)
-    yield Candidate.of(cosine_preconditioner, "all of a grid")
-    if len(A.grid_shape) == 2 and A.is_even:
-        yield Candidate.of(fsai_preconditioner, "as many neighbours as the kernel needs")
-        yield OF_SMOOTH
-        yield Candidate.of(fsai_preconditioner, f"{NEIGHBOURS} neighbours", quick_fsai)
+# What the rows make -----------------------------------------------------------------------------
 
 
-def _has_slow_transforms(A: ToeplitzOperator) -> bool:
-    """Whether FSAI is faster on the whole of a grid in two axes.
+def factorise(A: LinearOperator, *, dtype: DTypeLike | None = None) -> DenseInverse:
+    """Return the inverse by a Cholesky factor, or refuse it where its precision is not enough."""
+    inverse = DenseInverse(A, precision(unwrap(A)[0], dtype))
+    if not inverse.is_accurate:
+        raise np.linalg.LinAlgError(f"A is too ill-conditioned for a factor in {inverse.dtype}")
+    return inverse
 
-    Where a length is slow for transforms the cosine takes twice the iterations. FSAI needs
-    coefficients that decay slowly along both axes, as those of a half-space.
+
+def couple(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
+    """Return FSAI of all components together, or refuse it where their coupling is weak."""
+    joint = coupled_fsai(A, dtype)
+    if joint is None:
+        raise np.linalg.LinAlgError("the coupling is weak, or not that of a half-space")
+    return joint
+
+
+def quick_fsai(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
+    """Return `fsai_preconditioner` with the fewest neighbours, whose set-up is the shortest."""
+    return fsai_preconditioner(A, neighbours=FEW, dtype=dtype)
+
+
+# The table --------------------------------------------------------------------------------------
+
+
+class Row(NamedTuple):
+    """A row of the table.
+
+    Attributes
+    ----------
+    name : str
+        Of the function of this package that makes it, or what it is.
+    why : str
+    when : callable
+        ``when(facts)``: whether it is a candidate.
+    how : callable
+        ``how(facts)`` returns the function that makes it, or a quicker way to the same.
     """
-    return (
-        A.c.ndim == 2
-        and A.c.size >= LONG
-        and A.is_even
-        and traits.has_slow_length(A.grid_shape)
-        and traits.decays_slowly(A.c[0])
-        and traits.decays_slowly(A.c[:, 0])
-    )
+
+    name: str
+    why: str
+    when: Callable[[Facts], bool]
+    how: Callable[[Facts], Make]
 
 
-def _of_mask(A: ToeplitzOperator, mask: Mask, is_worth_set_up: bool) -> Iterator[Candidate]:
-    """Yield what may be taken on a mask."""
-    if len(A.grid_shape) > 2:
-        yield Candidate.of(sine_preconditioner, "a mask in three axes or more")
-    elif not A.is_even:
-        yield Candidate.of(sine_preconditioner, "a mask, and a kernel that is not even")
-    elif is_worth_set_up:
-        yield Candidate.of(fsai_preconditioner, "a mask, and a set-up that pays off")
-        yield OF_SMOOTH
-    elif len(A.grid_shape) == 1:
-        yield OF_LINE_WITH_GAPS
-        yield OF_SMOOTH
-    elif (trait := _why_fsai(A, mask)) is not None:
-        yield Candidate.of(fsai_preconditioner, f"{trait}; {NEIGHBOURS} neighbours", quick_fsai)
-        yield OF_SMOOTH
-    else:
-        yield Candidate.of(sine_preconditioner, "one small blob, and one solve")
+def _read(rows: Iterable[Row], facts: Facts) -> Iterator[Candidate]:
+    """Yield the candidates of a matrix."""
+    for row in rows:
+        if row.when(facts):
+            is_exact = row.name == CHOLESKY[0]
+            yield Candidate(row.name, row.why, row.how(facts), is_exact)
 
 
-def _why_fsai(A: ToeplitzOperator, mask: Mask) -> str | None:
-    """Return why FSAI is worth its set-up on a mask, or None where it is not."""
-    if np.count_nonzero(mask) >= FEW:
-        return "many unknowns"
-    if traits.fragmentation(mask) > COMPACT:
-        return "a fragmented mask"
-    if traits.likeness_of_axes(A) < ALIKE:
-        return "stretched elements"
-    return None
+CHOLESKY = "Cholesky factor", f"at most {DIRECT} unknowns"
+
+OF_ANY_MATRIX = Candidate("chan_preconditioner", "whatever the kernel", chan_preconditioner)
+
+ROWS = (
+    Row(*CHOLESKY, lambda f: f.A.shape[0] <= DIRECT, lambda f: factorise),
+    # All of a line; iterations to 1e-8.
+    Row(
+        "fsai_preconditioner",
+        "a long line of slow decay",  # 4 to 12 iterations, but cheap ones, and no set-up.
+        lambda f: f.is_real_line and f.is_large and f.decays_slowly,
+        lambda f: fsai_preconditioner,
+    ),
+    Row(
+        "sine_preconditioner",
+        "a zero of the symbol at θ = 0",  # The sines do not see it: 3 to 10 iterations.
+        lambda f: f.is_real_line and traits.has_zero_at_start(f.samples),
+        lambda f: f.invert(sine_inverse, samples=f.samples),
+    ),
+    Row(
+        "cosine_preconditioner",
+        "a zero of the symbol at θ = π",  # The cosines do not see that.
+        lambda f: f.is_real_line and traits.has_zero_at_start(f.samples[::-1]),
+        lambda f: f.invert(cosine_inverse, samples=f.samples),
+    ),
+    Row(
+        "cosine_preconditioner",
+        "an exponential covariance",  # As wide as the matrix, more or less: 2 to 5 iterations.
+        lambda f: f.is_real_line and f.decreases and traits.decays_exponentially(f.line.c),
+        lambda f: f.invert(cosine_inverse, samples=f.samples),
+    ),
+    Row(
+        "spectral_preconditioner",
+        "a symbol that is resolved",  # 1 to 8 iterations.
+        lambda f: f.is_real_line and f.is_resolved,
+        lambda f: f.invert(spectral_inverse, factor=f.factor),
+    ),
+    Row(
+        "cosine_preconditioner",
+        "a wide covariance",  # With a simple tail: 2 to 6 iterations.
+        lambda f: f.is_real_line and f.decreases and f.is_hardly_resolved,
+        lambda f: f.invert(cosine_inverse, samples=f.samples),
+    ),
+    Row(
+        "spectral_preconditioner",
+        "as good as the inverse, whatever the symbol",
+        lambda f: f.is_line,
+        lambda f: f.invert(spectral_inverse, factor=f.factor),
+    ),
+    # All of a grid, or a mask, on two axes or more, and a mask of a line.
+    Row(
+        "chan_preconditioner",
+        "whatever the kernel",
+        lambda f: f.is_complex and not f.is_line,
+        lambda f: chan_preconditioner,
+    ),
+    Row(
+        "fsai_preconditioner",
+        f"slow transforms, and slow decay; {FEW} neighbours",
+        lambda f: f.is_grid and f.has_slow_transforms,
+        lambda f: quick_fsai,
+    ),
+    Row(
+        "cosine_preconditioner",
+        "all of a grid",
+        lambda f: f.is_grid and not f.is_complex,
+        lambda f: cosine_preconditioner,
+    ),
+    Row(
+        "sine_preconditioner",
+        "a mask in three axes or more, or a kernel that is not even",
+        lambda f: f.is_mask and not f.is_complex and not f.suits_fsai,
+        lambda f: sine_preconditioner,
+    ),
+    Row(
+        "sine_preconditioner",
+        "one blob on a small grid, and one solve",
+        lambda f: f.suits_sine,
+        lambda f: sine_preconditioner,
+    ),
+    Row(
+        "fsai_preconditioner",
+        f"a line, fragments or a large grid, and one solve; {FEW} neighbours",
+        lambda f: f.is_mask and f.suits_fsai and not f.suits_sine and not f.is_worth_set_up,
+        lambda f: quick_fsai,
+    ),
+    Row(
+        "fsai_preconditioner",
+        "as many neighbours as the kernel needs",
+        lambda f: f.suits_fsai and (f.is_grid or (f.is_mask and f.is_worth_set_up)),
+        lambda f: fsai_preconditioner,
+    ),
+    Row(
+        "fsai_preconditioner",
+        f"{SMOOTH} neighbours, for a smooth kernel",
+        lambda f: f.suits_fsai and not f.is_line and not f.suits_sine,
+        lambda f: partial(fsai_preconditioner, neighbours=SMOOTH),
+    ),
+    Row(
+        "fsai_preconditioner",
+        f"{FEW} neighbours",
+        lambda f: f.suits_fsai and f.is_grid,
+        lambda f: quick_fsai,
+    ),
+)
+
+# What a trial compares with the first of these that is not refused, and with none. Where cosine is
+# not that, sine is as good.
+OTHERS = (
+    Row(
+        "sine_preconditioner",
+        "whatever the kernel",
+        lambda f: not f.is_complex,
+        lambda f: sine_preconditioner,
+    ),
+    Row(
+        "chan_preconditioner",
+        # It wraps around. Of coefficients that decrease, where all else is refused, that is of a
+        # covariance as wide as its grid, it takes several times the iterations of none.
+        "coefficients that do not decrease",
+        lambda f: not f.decreases,
+        lambda f: chan_preconditioner,
+    ),
+)
+
+
+# Active sets ------------------------------------------------------------------------------------
 
 
 def is_fsai_worthwhile(

@@ -19,10 +19,9 @@ from toeplitz_mg.operators.lifting import (
 )
 from toeplitz_mg.operators.positivity import LAST_RESORT, precision
 from toeplitz_mg.operators.sums import average
-from toeplitz_mg.preconditioners.choice import Plan, plan
+from toeplitz_mg.preconditioners.choice import OF_ANY_MATRIX, Candidate, Plan, Selection, plan
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
-from toeplitz_mg.preconditioners.selection import Candidate, Selection
 from toeplitz_mg.preconditioners.trial import better_than_none
 
 logger = logging.getLogger(__name__)
@@ -80,9 +79,9 @@ def default_preconditioner(
                              a prime factor above 61, and the
                              coefficients decay slowly, and
                              where cosine is refused
-    two, one small blob      sine; FSAI for more solves, and   10 to 14, FSAI 8 to 10
-                             for coupled components, and for
-                             stretched elements
+    two, one blob            sine; FSAI for more solves, for   10 to 14, FSAI 8 to 10
+                             coupled components, and where
+                             the grid has 2¹⁴ elements
     two, any other mask      FSAI                              7 to 10, sine 12 to 67
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
@@ -93,17 +92,16 @@ def default_preconditioner(
     Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
     is strong.
 
-    Of FSAI for one solve it is that of 12 neighbours, on a mask of a line of 14, for more that of
-    as many as the kernel needs.
+    Of FSAI for one solve it is that of 12 neighbours, for more that of as many as the kernel needs.
     It is not refused where they are not enough, as for a smooth covariance on a mask any other
     takes several times the iterations.
 
     This is for coefficients that are positive and decrease along each axis, as those of a
-    half-space and of most covariances do. For others, and where all of these are refused, as for a
-    covariance that is smooth and as wide as its grid, it is the best of what there is, sine,
-    cosine and T. Chan's circulant in twenty steps of conjugate gradients, if it is better than
-    nothing: a circulant may take ten times the iterations of none. Not so on the whole of a line,
-    where the spectral factor is as good as the inverse. The logger of this module tells what is
+    half-space and of most covariances do. For others ten steps of conjugate gradients, in all,
+    compare it with sine, T. Chan's circulant and none. So do they where all of these are
+    refused, but without the circulant: of a smooth covariance as wide as its grid it takes ten
+    times the iterations of none. On the whole of a line there is no trial unless all are refused,
+    as the spectral factor is as good as the inverse. The logger of this module tells what is
     refused and why, at the level INFO.
 
     Examples
@@ -158,10 +156,10 @@ def select_preconditioner(A: LinearOperator, *, solves: int = 1) -> Selection:
     >>> A = tmg.ToeplitzOperator(1.0 / (1.0 + np.hypot(*np.indices((40, 40)))))
     >>> checkered = np.indices((40, 40)).sum(axis=0) % 2 == 0
     >>> tmg.select_preconditioner(tmg.MaskedOperator(A, checkered))
-    fsai_preconditioner: a fragmented mask; 12 neighbours
+    fsai_preconditioner: a line, fragments or a large grid, and one solve; 12 neighbours
     if refused, fsai_preconditioner: 24 neighbours, for a smooth kernel
-    if all are refused, the best of sine_preconditioner, cosine_preconditioner, chan_preconditioner
-    and none, by a trial of 20 steps of CG
+    if all are refused, the best of sine_preconditioner and none, by a trial of 10 steps of CG in
+    all
     """
     full, mask = unwrap(A)
     if isinstance(full, ToeplitzSum):
@@ -201,10 +199,15 @@ def _accept(
 
 
 def _none(A: LinearOperator, is_any_accepted: bool, dtype: DTypeLike | None) -> ScaledIdentity:
-    """Return a multiple of the unit matrix, which is no preconditioner."""
+    """Return a multiple of the unit matrix, which is no preconditioner.
+
+    Where no preconditioner is accepted, A is refused unless T. Chan's circulant is positive
+    definite, as it is whenever A is.
+    """
     full, _ = unwrap_toeplitz(A, check_hermitian)
     diagonal = float(full.c.flat[0].real)
-    if not (is_any_accepted and diagonal > 0.0):
+    is_accepted = is_any_accepted or any(_accept([OF_ANY_MATRIX], A, dtype))
+    if not (is_accepted and diagonal > 0.0):
         raise np.linalg.LinAlgError(
             f"A is {A!r}, not positive definite or nearly singular, as not even T. Chan's "
             f"circulant is positive definite: use {LAST_RESORT}"

@@ -1,10 +1,11 @@
 """Facts about a matrix and a mask that decide which preconditioner is taken: pure functions."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.positivity import rounding
 from toeplitz_mg.operators.symbol import NEGLIGIBLE
 
@@ -41,12 +42,10 @@ def decreases(c: Array) -> bool:
     )
 
 
-def decreases_along_axes(A: ToeplitzOperator) -> bool:
-    """Whether the coefficients of a matrix are even, and decrease along each axis."""
-    axes = np.identity(A.c.ndim, dtype=bool)
-    return A.is_even and all(
-        decreases(A.c[tuple(slice(None) if own else 0 for own in axis)]) for axis in axes
-    )
+def along_axes(c: Array) -> Iterator[Array]:
+    """Yield the coefficients along each axis, at the lag 0 along the others."""
+    for axis in range(c.ndim):
+        yield c[tuple(slice(None) if k == axis else 0 for k in range(c.ndim))]
 
 
 def decays_slowly(c: Array) -> bool:
@@ -158,16 +157,6 @@ def wraps_around(c: Array, r: Array) -> bool:
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:
     """Whether the transforms along an axis of a grid are slow, because of a large prime factor."""
     return any(near_fast_length(n) != n for n in grid_shape)
-
-
-def likeness_of_axes(A: ToeplitzOperator) -> float:
-    """Return the coupling of neighbours along one axis over that along the other, at most 1.
-
-    Half-spaces have 1 for square elements and 0.36 for elements of 1:4.
-    """
-    along_axes = abs(float(A.c[1, 0])), abs(float(A.c[0, 1]))
-    largest = max(along_axes)
-    return min(along_axes) / largest if largest else 1.0
 
 
 def fragmentation(mask: Mask) -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
-from math import inf, log
+from math import inf
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -12,18 +12,22 @@ from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.positivity import INDEFINITE
+from toeplitz_mg.preconditioners.choice import ADVANTAGE, NEARLY, STEPS, STEPS_OF_EACH
 
-# With 10 steps, or a smaller advantage, wide covariances and plane waves mislead: the choice is
-# then worse than none.
-STEPS = 20  # Most steps of conjugate gradients in a trial: each costs as much as an iteration.
-ADVANTAGE = 2.0  # Least quotient of the residual without a preconditioner and that with it.
-MOSTLY_ROUNDING = 1e-8  # Relative residual at which a trial ends: further falls may be rounding.
+SOLVED = 1e-8  # Relative residual at which a descent ends: further falls may be rounding.
 
 
 def better_than_none(
     A: LinearOperator, none: LinearOperator, others: Sequence[LinearOperator]
 ) -> LinearOperator:
-    """Return the preconditioner that reduces the residual the most, or else `none`.
+    """Return the preconditioner that lowers the energy the most, or `none` where that is as good.
+
+    All solve for the same random right-hand side. The energy ½ xᴴA x - bᴴx falls by the error in
+    the norm of A: who lowers it the most has the least error, and two steps tell preconditioners
+    apart. What steps are left are those of the best and of `none`. Where A has some large
+    eigenvalues and all others are alike, as of plane waves or of coefficients at isolated lags,
+    `none` finds these one by one: it is taken where its energy is nearly as low, and its residual
+    not much larger.
 
     Parameters
     ----------
@@ -33,51 +37,61 @@ def better_than_none(
         A multiple of the unit matrix.
     others : sequence of LinearOperator
 
-    Returns
-    -------
-    LinearOperator
-        One of `others` only where it is better for a right-hand side that is constant, and for
-        one that is random.
-
     Raises
     ------
     numpy.linalg.LinAlgError
         Where A is found not to be positive definite.
     """
-    n = A.shape[0]
-    noise = np.random.default_rng(0).standard_normal((2, n))
-    random = noise[0] + 1j * noise[1] if np.dtype(A.dtype).kind == "c" else noise[0]
-    rhs = [b.astype(A.dtype) for b in (np.ones(n), random)]
-    without = [_fall(A, none, b) for b in rhs]
-    best, most = none, log(ADVANTAGE)
-    for M in others:
-        falls = (_fall(A, M, b) for b in rhs)
-        gain = min(fall - other for fall, other in zip(falls, without, strict=True))
-        if gain > most:
-            best, most = M, gain
-    return best
+    if not others:
+        return none
+    noise = np.random.default_rng(0).standard_normal((2, A.shape[0]))
+    is_complex = np.dtype(A.dtype).kind == "c"
+    b = (noise[0] + 1j * noise[1] if is_complex else noise[0]).astype(A.dtype)
+    without, *descents = (_Descent(A, M, b) for M in (none, *others))
+    if len(others) > 1:
+        for descent in descents:
+            descent.go_to(STEPS_OF_EACH)
+    taken = sum(descent.steps for descent in descents)
+    best, M = max(zip(descents, others, strict=True), key=lambda pair: pair[0].fall)
+    steps = (STEPS - taken + best.steps) // 2
+    best.go_to(steps)
+    without.go_to(steps)
+    is_as_low = without.fall >= NEARLY * best.fall
+    return none if is_as_low and without.residual <= ADVANTAGE * best.residual else M
 
 
-def _fall(A: LinearOperator, M: LinearOperator, b: Array) -> float:
-    """Return log ‖b‖/‖r‖ for the least residual r of all steps; -inf if M is not positive.
+class _Descent:
+    """Conjugate gradients from zero.
 
-    Where fewer steps solve the system, it is what all of them would give at that rate.
+    Attributes
+    ----------
+    steps : int
+        Those that were taken.
+    fall : float
+        Twice that of the energy; -inf where M is found not to be positive definite.
+    residual : float
+        ‖b - A x‖.
     """
-    iteration = ConjugateGradients(partial(apply_to_rows, A), partial(apply_to_rows, M))
-    size = least = norm(b)
-    r = b.copy()
-    for steps in range(1, STEPS + 1):
-        length = iteration.step(r)
-        if not iteration.rho > 0.0:
-            return -inf
-        if length == 0.0:
-            raise np.linalg.LinAlgError(
-                f"A is not positive definite: for some vector xᴴ A x is "
-                f"{iteration.curvature:.3g}: use {INDEFINITE}"
-            )
-        axpy(-length, iteration.product, r)
-        least = min(least, norm(r))
-        if least <= MOSTLY_ROUNDING * size:
-            least = max(least, np.finfo(np.float64).eps * size)
-            return log(size / least) * STEPS / steps
-    return log(size / least)
+
+    def __init__(self, A: LinearOperator, M: LinearOperator, b: Array) -> None:
+        self._cg = ConjugateGradients(partial(apply_to_rows, A), partial(apply_to_rows, M))
+        self._r, self.residual = b.copy(), norm(b)
+        self._solved = SOLVED * self.residual
+        self.steps, self.fall = 0, 0.0
+
+    def go_to(self, steps: int) -> None:
+        """Take steps until there are so many, or the system is solved."""
+        while self.steps < steps and self._solved < self.residual < inf:
+            self.steps += 1
+            length = self._cg.step(self._r)
+            if not self._cg.rho > 0.0:
+                self.fall, self.residual = -inf, inf
+                return
+            if length == 0.0:
+                raise np.linalg.LinAlgError(
+                    f"A is not positive definite: for some vector xᴴ A x is "
+                    f"{self._cg.curvature:.3g}: use {INDEFINITE}"
+                )
+            self.fall += length * self._cg.rho
+            axpy(-length, self._cg.product, self._r)
+            self.residual = max(norm(self._r), self._solved)

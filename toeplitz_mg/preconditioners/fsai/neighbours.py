@@ -23,7 +23,6 @@ from toeplitz_mg.preconditioners.fsai.rows import Refused, require_positive
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
 NUMBERS = NEIGHBOURS, 24, 40  # Neighbours to try: half of the cells within 2, 3 and 4 of the own.
-ON_LINE = 14  # Neighbours on a mask of a line, with one iteration less than 12 in as much time.
 COARSE_ON_LINE = 24  # Neighbours on coarse levels of a line, for those with more than the fewest.
 CELLS = 2**12  # Cells of the grid of a trial, a square if it can be: it has three levels.
 CELLS_OF_LINE = 2**14  # Cells of a trial on a line, where CELLS have too few aggregates at an edge.
