@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import DIRECT, DenseInverse
 from toeplitz_mg.preconditioners.fsai.neighbours import NUMBERS
 from toeplitz_mg.preconditioners.fsai.preconditioner import coupled_fsai, fsai_preconditioner
-from toeplitz_mg.preconditioners.spectral import spectral_inverse
+from toeplitz_mg.preconditioners.spectral import spectral_inverse, spectral_preconditioner
 from toeplitz_mg.preconditioners.trigonometric import (
     cosine_inverse,
     cosine_preconditioner,
@@ -44,9 +45,8 @@ from toeplitz_mg.preconditioners.trigonometric import (
 )
 from toeplitz_mg.values import count
 
-FEW, SMOOTH, _ = (
-    NUMBERS  # Neighbours in a row of FSAI: the shortest set-up, and for smooth kernels.
-)
+# Neighbours in a row of FSAI: for the shortest set-up, and for smooth kernels.
+FEW, SMOOTH, _ = NUMBERS
 
 # The constants that choose. `python -m comparisons.preconditioners` measures both sides of the
 # first two, and of DIRECT, and `python -m comparisons.theory` those of active sets, by the products
@@ -56,9 +56,7 @@ COMPACT = 5.0  # Largest `fragmentation` of one blob.
 HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ of a spectral factor of a symbol that is of use.
 STEPS = 10  # Steps of conjugate gradients in a trial, of all candidates together.
 STEPS_OF_EACH = 2  # Those after which the energy tells preconditioners apart.
-NEARLY = (
-    0.99  # Least fall of the energy without a preconditioner, over that with it, to do without.
-)
+NEARLY = 0.99  # Least fall of the energy without a preconditioner, over that with it, for none.
 ADVANTAGE = 2.0  # Largest quotient of the residuals without a preconditioner and with it, for none.
 LARGE = 2**16  # Fewest elements of a grid on which an active set is worth a set-up of FSAI.
 SETTLED = 0.05  # Largest share of a set that changed where FSAI is set up: it soon changes no more.
@@ -157,13 +155,19 @@ def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
     facts = Facts(A, is_worth_set_up)
     needs_trial = not facts.is_line and not facts.decreases
     others = tuple(_read(OTHERS, facts))
-    return Plan(facts.full if facts.is_line else A, _read(ROWS, facts), others, needs_trial)
+    candidates = chain(_of_few(A), _read(ROWS, facts))
+    return Plan(facts.full if facts.is_line else A, candidates, others, needs_trial)
+
+
+def _of_few(A: LinearOperator) -> Iterator[Candidate]:
+    """Yield what is taken of few unknowns, before all else."""
+    if A.shape[0] <= DIRECT:
+        yield Candidate("Cholesky factor", f"at most {DIRECT} unknowns", factorise, is_exact=True)
 
 
 def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candidate]:
     """Yield what may be taken of coupled components together."""
-    if A.shape[0] <= DIRECT:
-        yield Candidate(*CHOLESKY, factorise, is_exact=True)
+    yield from _of_few(A)
     if mask is not None and not mask.all() and A.dtype.kind != "c":
         reason = "a mask; of all components together, if their coupling is strong"
         yield Candidate("fsai_preconditioner", reason, couple)
@@ -312,152 +316,120 @@ class Row(NamedTuple):
 
     Attributes
     ----------
-    name : str
-        Of the function of this package that makes it, or what it is.
+    function : callable
+        The public function whose preconditioner may be taken.
     why : str
     when : callable
-        ``when(facts)``: whether it is a candidate.
-    how : callable
-        ``how(facts)`` returns the function that makes it, or a quicker way to the same.
+        ``when(facts)``: whether it may.
+    how : callable, optional
+        ``how(facts)`` returns what makes it, where that is not the function as it is.
     """
 
-    name: str
+    function: Make
     why: str
     when: Callable[[Facts], bool]
-    how: Callable[[Facts], Make]
+    how: Callable[[Facts], Make] | None = None
 
 
 def _read(rows: Iterable[Row], facts: Facts) -> Iterator[Candidate]:
     """Yield the candidates of a matrix."""
     for row in rows:
         if row.when(facts):
-            is_exact = row.name == CHOLESKY[0]
-            yield Candidate(row.name, row.why, row.how(facts), is_exact)
+            make = row.function if row.how is None else row.how(facts)
+            yield Candidate(row.function.__name__, row.why, make)
 
-
-CHOLESKY = "Cholesky factor", f"at most {DIRECT} unknowns"
-
-OF_ANY_MATRIX = Candidate("chan_preconditioner", "whatever the kernel", chan_preconditioner)
 
 ROWS = (
-    Row(*CHOLESKY, lambda f: f.A.shape[0] <= DIRECT, lambda f: factorise),
-    # All of a line; iterations to 1e-8.
+    # All of a line: iterations to 1e-8.
     Row(
-        "fsai_preconditioner",
-        "a long line of slow decay",  # 4 to 12 iterations, but cheap ones, and no set-up.
+        fsai_preconditioner,
+        "a long line of slow decay",  # 4 to 12, but cheap ones, and next to no set-up.
         lambda f: f.is_real_line and f.is_large and f.decays_slowly,
-        lambda f: fsai_preconditioner,
     ),
     Row(
-        "sine_preconditioner",
-        "a zero of the symbol at θ = 0",  # The sines do not see it: 3 to 10 iterations.
+        sine_preconditioner,
+        "a zero of the symbol at θ = 0",  # The sines do not see it: 3 to 10.
         lambda f: f.is_real_line and traits.has_zero_at_start(f.samples),
         lambda f: f.invert(sine_inverse, samples=f.samples),
     ),
     Row(
-        "cosine_preconditioner",
+        cosine_preconditioner,
         "a zero of the symbol at θ = π",  # The cosines do not see that.
         lambda f: f.is_real_line and traits.has_zero_at_start(f.samples[::-1]),
         lambda f: f.invert(cosine_inverse, samples=f.samples),
     ),
     Row(
-        "cosine_preconditioner",
-        "an exponential covariance",  # As wide as the matrix, more or less: 2 to 5 iterations.
+        cosine_preconditioner,
+        "an exponential covariance",  # As wide as the matrix, more or less: 2 to 5.
         lambda f: f.is_real_line and f.decreases and traits.decays_exponentially(f.line.c),
         lambda f: f.invert(cosine_inverse, samples=f.samples),
     ),
     Row(
-        "spectral_preconditioner",
-        "a symbol that is resolved",  # 1 to 8 iterations.
+        spectral_preconditioner,
+        "a symbol that is resolved",  # 1 to 8.
         lambda f: f.is_real_line and f.is_resolved,
         lambda f: f.invert(spectral_inverse, factor=f.factor),
     ),
     Row(
-        "cosine_preconditioner",
-        "a wide covariance",  # With a simple tail: 2 to 6 iterations.
+        cosine_preconditioner,
+        "a wide covariance",  # As wide as the matrix, with a simple tail: 2 to 6.
         lambda f: f.is_real_line and f.decreases and f.is_hardly_resolved,
         lambda f: f.invert(cosine_inverse, samples=f.samples),
     ),
     Row(
-        "spectral_preconditioner",
+        spectral_preconditioner,
         "as good as the inverse, whatever the symbol",
         lambda f: f.is_line,
         lambda f: f.invert(spectral_inverse, factor=f.factor),
     ),
-    # All of a grid, or a mask, on two axes or more, and a mask of a line.
+    # All of a grid of more axes.
     Row(
-        "chan_preconditioner",
-        "whatever the kernel",
-        lambda f: f.is_complex and not f.is_line,
-        lambda f: chan_preconditioner,
-    ),
-    Row(
-        "fsai_preconditioner",
+        fsai_preconditioner,
         f"slow transforms, and slow decay; {FEW} neighbours",
         lambda f: f.is_grid and f.has_slow_transforms,
         lambda f: quick_fsai,
     ),
+    Row(cosine_preconditioner, "all of a grid", lambda f: f.is_grid and not f.is_complex),
+    # A mask, or what follows a refusal on a grid.
     Row(
-        "cosine_preconditioner",
-        "all of a grid",
-        lambda f: f.is_grid and not f.is_complex,
-        lambda f: cosine_preconditioner,
-    ),
-    Row(
-        "sine_preconditioner",
+        sine_preconditioner,
         "a mask in three axes or more, or a kernel that is not even",
-        lambda f: f.is_mask and not f.is_complex and not f.suits_fsai,
-        lambda f: sine_preconditioner,
+        lambda f: f.is_mask and not (f.is_complex or f.suits_fsai),
     ),
+    Row(sine_preconditioner, "one blob on a small grid, and one solve", lambda f: f.suits_sine),
     Row(
-        "sine_preconditioner",
-        "one blob on a small grid, and one solve",
-        lambda f: f.suits_sine,
-        lambda f: sine_preconditioner,
-    ),
-    Row(
-        "fsai_preconditioner",
+        fsai_preconditioner,
         f"a line, fragments or a large grid, and one solve; {FEW} neighbours",
-        lambda f: f.is_mask and f.suits_fsai and not f.suits_sine and not f.is_worth_set_up,
+        lambda f: f.is_mask and f.suits_fsai and not (f.suits_sine or f.is_worth_set_up),
         lambda f: quick_fsai,
     ),
     Row(
-        "fsai_preconditioner",
+        fsai_preconditioner,
         "as many neighbours as the kernel needs",
         lambda f: f.suits_fsai and (f.is_grid or (f.is_mask and f.is_worth_set_up)),
-        lambda f: fsai_preconditioner,
     ),
     Row(
-        "fsai_preconditioner",
+        fsai_preconditioner,
         f"{SMOOTH} neighbours, for a smooth kernel",
-        lambda f: f.suits_fsai and not f.is_line and not f.suits_sine,
+        lambda f: f.suits_fsai and not (f.is_line or f.suits_sine),
         lambda f: partial(fsai_preconditioner, neighbours=SMOOTH),
     ),
     Row(
-        "fsai_preconditioner",
+        fsai_preconditioner,
         f"{FEW} neighbours",
         lambda f: f.suits_fsai and f.is_grid,
         lambda f: quick_fsai,
     ),
+    Row(chan_preconditioner, "whatever the kernel", lambda f: f.is_complex and not f.is_line),
 )
 
 # What a trial compares with the first of these that is not refused, and with none. Where cosine is
-# not that, sine is as good.
+# not that, sine is as good. T. Chan's circulant wraps around: of coefficients that decrease, where
+# all else is refused, that is of a covariance as wide as its grid, it takes several times the
+# iterations of none.
 OTHERS = (
-    Row(
-        "sine_preconditioner",
-        "whatever the kernel",
-        lambda f: not f.is_complex,
-        lambda f: sine_preconditioner,
-    ),
-    Row(
-        "chan_preconditioner",
-        # It wraps around. Of coefficients that decrease, where all else is refused, that is of a
-        # covariance as wide as its grid, it takes several times the iterations of none.
-        "coefficients that do not decrease",
-        lambda f: not f.decreases,
-        lambda f: chan_preconditioner,
-    ),
+    Row(sine_preconditioner, "whatever the kernel", lambda f: not f.is_complex),
+    Row(chan_preconditioner, "coefficients that do not decrease", lambda f: not f.decreases),
 )
 
 

@@ -19,7 +19,8 @@ from toeplitz_mg.operators.lifting import (
 )
 from toeplitz_mg.operators.positivity import LAST_RESORT, precision
 from toeplitz_mg.operators.sums import average
-from toeplitz_mg.preconditioners.choice import OF_ANY_MATRIX, Candidate, Plan, Selection, plan
+from toeplitz_mg.preconditioners.choice import Candidate, Plan, Selection, plan
+from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
 from toeplitz_mg.preconditioners.trial import better_than_none
@@ -206,7 +207,8 @@ def _none(A: LinearOperator, is_any_accepted: bool, dtype: DTypeLike | None) -> 
     """
     full, _ = unwrap_toeplitz(A, check_hermitian)
     diagonal = float(full.c.flat[0].real)
-    is_accepted = is_any_accepted or any(_accept([OF_ANY_MATRIX], A, dtype))
+    circulant = Candidate("chan_preconditioner", "definite wherever A is", chan_preconditioner)
+    is_accepted = is_any_accepted or any(_accept([circulant], A, dtype))
     if not (is_accepted and diagonal > 0.0):
         raise np.linalg.LinAlgError(
             f"A is {A!r}, not positive definite or nearly singular, as not even T. Chan's "

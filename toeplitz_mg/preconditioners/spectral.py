@@ -92,15 +92,11 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
 
 
 def spectral_inverse(
-    A: ToeplitzOperator,
-    *,
-    residual: float = RESOLVED,
-    factor: Columns | None = None,
-    dtype: DTypeLike | None = None,
+    A: ToeplitzOperator, *, factor: Columns | None = None, dtype: DTypeLike | None = None
 ) -> GohbergSemencul:
-    """Return `spectral_preconditioner` from columns with this residual (see `find_columns`)."""
+    """Return `spectral_preconditioner`, of the columns of the spectral factor if they are known."""
     dtype = precision(A, dtype)
-    columns = find_columns(double_line(A), residual, factor=factor)
+    columns = find_columns(double_line(A), RESOLVED, factor=factor)
     if columns.w is not None:
         return GohbergSemencul(columns.x.astype(dtype), columns.w.conj().astype(dtype))
     condition = columns.certificate.condition

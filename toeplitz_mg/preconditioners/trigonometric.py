@@ -82,25 +82,18 @@ def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
 
     Parameters
     ----------
-    A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of any number of axes.
-    dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
-        half the memory and less time, inside an iteration in float64 too.
+    A, dtype
+        As of `cosine_preconditioner`.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape of `A`, symmetric positive definite. One product costs half a work
-        unit on one axis (1/2^d on d axes).
+        As of `cosine_preconditioner`.
 
     Raises
     ------
-    numpy.linalg.LinAlgError
-        Where a sample is not positive, as that at θ = π of a symbol with a zero there:
-        `cosine_preconditioner` does not see it.
-    TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric.
+    numpy.linalg.LinAlgError, TypeError, ValueError
+        As of `cosine_preconditioner`, but a zero of the symbol at θ = π is what it does not take.
 
     See Also
     --------
