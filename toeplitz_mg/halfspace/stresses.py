@@ -22,7 +22,8 @@ z is the depth in the body, and the traction what acts on it. Tension is positiv
 components are in the order xx, yy, zz, yz, xz, xy.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -81,9 +82,7 @@ def stresses_z(
     >>> print(halfspace.stresses_z(0.0, 0.0, 0.0, (1.0, 1.0), nu=0.3)[:3])
     [-0.8 -0.8 -1. ]
     """
-    nu = check_ratio(nu)
-    X, Y, Z = _corners(x, y, z, element)
-    return by_pressure(X, Y, Z, nu)[..., 0, 0]
+    return _at("z", element, nu, x=x, y=y, z=z)
 
 
 def stresses_x(
@@ -91,13 +90,8 @@ def stresses_x(
 ) -> Array:
     """Return the stresses by a unit traction along x on an element (Cerruti).
 
-    The arguments are those of `stresses_z`.
-
-    Returns
-    -------
-    ndarray of float64, of shape (6, ...)
-        As `stresses_z` returns it. On the edges at the surface the components along it are
-        infinite: xx on those across x, yy there too unless ν is zero, xy on those along x.
+    Arguments and result are those of `stresses_z`. On the edges at the surface the components along
+    it are infinite: xx on those across x, yy there too unless ν is zero, xy on those along x.
 
     See Also
     --------
@@ -112,9 +106,7 @@ def stresses_x(
     >>> print(halfspace.stresses_x([-1.0, 1.0], 0.0, 0.1, (1.0, 1.0), nu=0.3)[0].round(4))
     [ 0.4182 -0.4182]
     """
-    nu = check_ratio(nu)
-    X, Y, Z = _corners(x, y, z, element)
-    return by_traction(X, Y, Z, nu)[..., 0, 0]
+    return _at("x", element, nu, x=x, y=y, z=z)
 
 
 def stresses_y(
@@ -122,12 +114,7 @@ def stresses_y(
 ) -> Array:
     """Return the stresses by a unit traction along y on an element (Cerruti).
 
-    The arguments are those of `stresses_z`.
-
-    Returns
-    -------
-    ndarray of float64, of shape (6, ...)
-        As `stresses_x` returns it, with x and y exchanged.
+    Arguments and result are those of `stresses_x`, with x and y exchanged.
 
     See Also
     --------
@@ -140,9 +127,7 @@ def stresses_y(
     >>> print(halfspace.stresses_y(0.0, [-1.0, 1.0], 0.1, (1.0, 1.0), nu=0.3)[1].round(4))
     [ 0.4182 -0.4182]
     """
-    nu = check_ratio(nu)
-    X, Y, Z = _corners(x, y, z, element)
-    return exchange(by_traction(Y, X, Z, nu))[..., 0, 0]
+    return _at("y", element, nu, x=x, y=y, z=z)
 
 
 def line_stresses_z(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
@@ -173,20 +158,13 @@ def line_stresses_z(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
     >>> print(halfspace.line_stresses_z(0.0, 0.0, 1.0, nu=0.3)[:3])
     [-1.  -0.6 -1. ]
     """
-    nu = check_ratio(nu)
-    X, Z = _edges(x, z, h)
-    return line_by_pressure(X, Z, nu)[..., 0]
+    return _at("z", h, nu, x=x, z=z)
 
 
 def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
     """Return the stresses of plane strain by a unit traction across a strip of infinite length.
 
-    The arguments are those of `line_stresses_z`.
-
-    Returns
-    -------
-    ndarray of float64, of shape (6, ...)
-        As `line_stresses_z` returns it; xx and yy are infinite on the edges.
+    Arguments and result are those of `line_stresses_z`; xx and yy are infinite on the edges.
 
     See Also
     --------
@@ -200,20 +178,14 @@ def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
     >>> print(halfspace.line_stresses_x([-1.0, 1.0], 0.0, 1.0, nu=0.3)[0].round(4))
     [ 0.6994 -0.6994]
     """
-    nu = check_ratio(nu)
-    X, Z = _edges(x, z, h)
-    return line_by_traction(X, Z, nu)[..., 0]
+    return _at("x", h, nu, x=x, z=z)
 
 
 def line_stresses_y(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
     """Return the antiplane stresses by a unit traction along a strip of infinite length.
 
-    The arguments are those of `line_stresses_z`; no stress depends on Poisson's ratio.
-
-    Returns
-    -------
-    ndarray of float64, of shape (6, ...)
-        As `line_stresses_z` returns it, with yz and xy alone; xy is infinite on the edges.
+    Arguments and result are those of `line_stresses_z`. Only yz and xy are not zero, and xy is
+    infinite on the edges; no stress depends on Poisson's ratio.
 
     See Also
     --------
@@ -228,36 +200,27 @@ def line_stresses_y(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
     >>> print(halfspace.line_stresses_y([0.0, 0.5], 0.0, 1.0, nu=0.3)[3])
     [-1.  -0.5]
     """
-    check_ratio(nu)
-    X, Z = _edges(x, z, h)
-    return line_by_lateral_traction(X, Z)[..., 0]
+    return _at("y", h, nu, x=x, z=z)
 
 
-def _corners(
-    x: ArrayLike, y: ArrayLike, z: ArrayLike, element: tuple[float, float]
-) -> tuple[Array, Array, Array]:
-    """Return the points relative to the lines that bound an element, on two more axes."""
-    h1, h2 = check_element(element)
-    x, y, z = (array[..., None, None] for array in _check(x=x, y=y, z=z))
-    return x + h1 * SIDES[:, None], y + h2 * SIDES, z
-
-
-def _edges(x: ArrayLike, z: ArrayLike, h: float) -> tuple[Array, Array]:
-    """Return the points relative to the edges of a strip, on one more axis."""
-    x, z = (array[..., None] for array in _check(x=x, z=z))
-    return x + positive("h", h) * SIDES, z
-
-
-def _check(**points: ArrayLike) -> list[Array]:
-    """Return coordinates of points in the body, or say which are none."""
-    arrays = fields(**points)
-    for name, array in zip(points, arrays, strict=True):
+def _at(direction: str, element: Any, nu: float, **points: ArrayLike) -> Array:
+    """Return the stresses at points by a unit traction on an element, or a strip of this width."""
+    nu = check_ratio(nu)
+    sizes = check_element(element) if len(points) == 3 else (positive("h", element),)
+    *arrays, z = fields(**points)
+    for name, array in zip(points, (*arrays, z), strict=True):
         if not np.isfinite(array).all():
             raise ValueError(f"{name} has values that are not finite")
-    depths = arrays[-1]
-    if (depths < 0.0).any():
-        raise ValueError(f"z has the value {depths.min():g}, but a depth is at least zero")
-    return arrays
+    if (z < 0.0).any():
+        raise ValueError(f"z has the value {z.min():g}, but a depth is at least zero")
+    # From the lines that bound the element to the points, on more axes.
+    more: tuple[Any, ...] = (..., *(None,) * len(sizes))
+    lines = [
+        x[more] + h * SIDES.reshape(-1, *(1,) * (len(sizes) - 1 - k))
+        for k, (x, h) in enumerate(zip(arrays, sizes, strict=True))
+    ]
+    first: tuple[Any, ...] = (..., *(0,) * len(sizes))
+    return between(direction, lines, z[more], nu)[first]
 
 
 # Matrices -----------------------------------------------------------------------------------------
@@ -285,47 +248,45 @@ def stress_matrices(
     ToeplitzOperator or None
         For xx, yy, zz, yz, xz and xy at the depth below the centres; None for what is zero.
     """
-    quadrants = _quadrants(direction, shape, element, depth, nu)
+    lines = [h * (np.arange(n + 1) - 0.5) for n, h in zip((*shape, 1), element, strict=False)]
+    if len(lines) == 2:
+        lines[0] = lines[0][:, None]
+    quadrants = between(direction, lines, np.array(depth), nu)
     for c, parity in zip(quadrants, PARITIES, strict=True):
         sign = [-p if d == direction else p for p, d in zip(parity, "xy", strict=True)]
         yield operator_of(c.reshape(shape), tuple(sign), 0) if c.any() else None
 
 
-def _quadrants(
-    direction: str, shape: tuple[int, ...], element: tuple[float, ...], depth: float, nu: float
-) -> Array:
-    """Return the stresses at offsets that are not negative, of shape (6, n1, n2) or (6, n)."""
-    z = np.array(depth)
-    lines = [h * (np.arange(n + 1) - 0.5) for n, h in zip((*shape, 1), element, strict=False)]
-    if len(element) == 1:
-        if direction == "y":
-            return line_by_lateral_traction(lines[0], z)
-        return (line_by_pressure if direction == "z" else line_by_traction)(lines[0], z, nu)
-    X, Y = lines[0][:, None], lines[1]
-    Y = Y[None, :]
-    if direction == "z":
-        return by_pressure(X, Y, z, nu)
-    return by_traction(X, Y, z, nu) if direction == "x" else exchange(by_traction(Y, X, z, nu))
-
-
 # Closed forms -------------------------------------------------------------------------------------
 
 
-def by_pressure(X: Array, Y: Array, z: Array, nu: float) -> Array:
-    """Return the stresses by a unit pressure on the rectangles between lines.
+def between(direction: str, lines: Sequence[Array], z: Array, nu: float) -> Array:
+    """Return the stresses by a unit traction on the rectangles, or strips, between lines.
 
     Parameters
     ----------
-    X, Y : ndarray of shape (..., m + 1, 1) and (..., 1, n + 1), or the other way round
+    direction : str
+        x, y, or z for a pressure.
+    lines : list of ndarray, of shape (..., m + 1, 1) and (..., 1, n + 1), or (..., m + 1)
         From the lines that bound the rectangles across x, and across y, to the point.
-    z : ndarray of shape (..., 1, 1), or a number
+    z : ndarray of shape (..., 1, 1) or (..., 1), or a number
         The depth.
     nu : float
 
     Returns
     -------
-    ndarray of shape (6, ..., m, n)
+    ndarray of shape (6, ..., m, n) or (6, ..., m)
     """
+    if len(lines) == 1:
+        return {"x": _line_x, "y": _line_y, "z": _line_z}[direction](lines[0], z, nu)
+    X, Y = lines
+    if direction == "y":  # With x and y exchanged.
+        return _by_traction(Y, X, z, nu)[[1, 0, 2, 4, 3, 5]]
+    return (_by_pressure if direction == "z" else _by_traction)(X, Y, z, nu)
+
+
+def _by_pressure(X: Array, Y: Array, z: Array, nu: float) -> Array:
+    """Return the stresses by a unit pressure on the rectangles between lines."""
     r, a, b, c = _directions(X, Y, z)
     Axx, Ayy = _angles(a, b, c)
     (sx, cx), (sy, cy) = _turn(a, c), _turn(b, c)
@@ -343,11 +304,8 @@ def by_pressure(X: Array, Y: Array, z: Array, nu: float) -> Array:
     return np.stack([_over_corners(F) for F in terms]) / (2.0 * np.pi)
 
 
-def by_traction(X: Array, Y: Array, z: Array, nu: float) -> Array:
-    """Return the stresses by a unit traction along x on the rectangles between lines.
-
-    The arguments are those of `by_pressure`.
-    """
+def _by_traction(X: Array, Y: Array, z: Array, nu: float) -> Array:
+    """Return the stresses by a unit traction along x on the rectangles between lines."""
     r, a, b, c = _directions(X, Y, z)
     Axx, Ayy = _angles(a, b, c)
     sx, cx = _turn(a, c)
@@ -363,36 +321,16 @@ def by_traction(X: Array, Y: Array, z: Array, nu: float) -> Array:
     return stresses
 
 
-def exchange(stresses: Array) -> Array:
-    """Return stresses with x and y exchanged."""
-    return stresses[[1, 0, 2, 4, 3, 5]]
-
-
-def line_by_pressure(X: Array, z: Array, nu: float) -> Array:
-    """Return the stresses of plane strain by a unit pressure on strips between edges.
-
-    Parameters
-    ----------
-    X : ndarray of shape (..., m + 1)
-        From the edges to the point.
-    z : ndarray of shape (..., 1), or a number
-    nu : float
-
-    Returns
-    -------
-    ndarray of shape (6, ..., m)
-    """
+def _line_z(X: Array, z: Array, nu: float) -> Array:
+    """Return the stresses of plane strain by a unit pressure on strips between edges."""
     _, s, c = _directions_in_plane(X, z)
     angle, sc = np.arctan2(s, c), s * c
     terms = [np.diff(F, axis=-1) for F in (sc - angle, -2.0 * nu * angle, -(angle + sc), c * c)]
     return _in_plane(*terms)
 
 
-def line_by_traction(X: Array, z: Array, nu: float) -> Array:
-    """Return the stresses of plane strain by a unit traction along x on strips between edges.
-
-    The arguments are those of `line_by_pressure`.
-    """
+def _line_x(X: Array, z: Array, nu: float) -> Array:
+    """Return the stresses of plane strain by a unit traction along x on strips between edges."""
     d, s, c = _directions_in_plane(X, z)
     with np.errstate(divide="ignore"):
         log = np.diff(np.log(d), axis=-1)
@@ -401,11 +339,8 @@ def line_by_traction(X: Array, z: Array, nu: float) -> Array:
     return _in_plane(-2.0 * log - zz, yy, zz, xz)
 
 
-def line_by_lateral_traction(X: Array, z: Array) -> Array:
-    """Return the antiplane stresses by a unit traction along y on strips between edges.
-
-    The arguments are those of `line_by_pressure`; no stress depends on Poisson's ratio.
-    """
+def _line_y(X: Array, z: Array, nu: float) -> Array:
+    """Return the antiplane stresses by a unit traction along y; none depends on Poisson's ratio."""
     d, s, c = _directions_in_plane(X, z)
     with np.errstate(divide="ignore"):
         log = np.diff(np.log(d), axis=-1)
