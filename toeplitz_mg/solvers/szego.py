@@ -206,30 +206,18 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
         series = _Series.of(a, round(LONG_SAMPLES * n))
     else:  # Enough for smooth covariances, and taken already.
         series = _Series.on(polynomial.circle, polynomial.slopes / polynomial.values)
-    best, is_damped = None, bool(part)
+    best = None
     while True:
         value = leading + part + series.total
         rounding = SPREAD * (n * column.error + EPS * (abs(leading) + abs(value)))
         rounding += (column.error + EPS) * doubt
-        found = LogDeterminant(value, series.cut_off + series.wrapped + rounding)
+        found = LogDeterminant(value, series.error + rounding)
         if best is not None and not found.error < 0.5 * best.error:
-            break  # What is left is the rounding of the transforms.
-        best = found
-        allowed = 0.1 * GOAL * abs(value) + rounding
-        if series.cut_off + series.wrapped <= allowed:
-            break
-        # Once damped, the series hardly wraps around.
-        excess = (series.cut_off + is_damped * series.wrapped) / allowed
-        growth = 1.0
-        if excess <= 1.0:
-            growth = 0.0
-        elif series.decay > 1.0:  # In half of the samples.
-            growth = max(0.5 * 1.4 * np.log(excess) / np.log(series.decay), 0.25)
-        samples = round((1.0 + growth) * series.samples)
-        if samples > most:
-            break
-        series, is_damped = _Series.of(a, samples), True
-    return best
+            return best  # What is left is the rounding of the transforms.
+        best, samples = found, 3 * series.samples // 2
+        if series.error <= 0.1 * GOAL * abs(value) + rounding or samples > most:
+            return best
+        series = _Series.of(a, samples)
 
 
 class _Series(NamedTuple):
@@ -240,19 +228,13 @@ class _Series(NamedTuple):
     samples : int
         N.
     total : float
-    cut_off : float
-        A bound of what is cut off.
-    wrapped : float
-        A bound of what wraps around.
-    decay : float
-        How much the last terms are smaller than those in the middle.
+    error : float
+        A bound of what is cut off, and of what wraps around.
     """
 
     samples: int
     total: float
-    cut_off: float
-    wrapped: float
-    decay: float
+    error: float
 
     @classmethod
     def of(cls, a: Array, samples: int) -> "_Series":
@@ -277,12 +259,11 @@ class _Series(NamedTuple):
         s *= growth
         terms = s * s
         terms[1:] /= k[1:]
-        total, half = float(terms[1:].sum()), length // 2
-        last, middle = (float(terms[e - eighth : e].sum()) for e in (length, half))
+        total, last = float(terms[1:].sum()), float(terms[-eighth:].sum())
         # Σ |sₖ|/k is at most √(Σ |sₖ|²/k) √(1 + log N).
         sizes = float(np.sqrt(total * (1.0 + log(length))))
         wrapped *= 2.0 * sizes * float(np.abs(s[-eighth:]).max())
-        return cls(length, total, last / CUT, wrapped, middle / last if last else np.inf)
+        return cls(length, total, last / CUT + wrapped)
 
 
 def _powers(exponent: float, number: int) -> Array:
