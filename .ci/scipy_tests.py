@@ -25,7 +25,9 @@ FILES = (
     "scipy.linalg.tests.test_solve_toeplitz",
     "scipy.sparse.linalg._isolve.tests.test_iterative",
 )
-LEAST = {"1.17": 810, "1.18": 792}  # Tests that pass with a version of SciPy.
+# Tests that pass with a version of SciPy. Not those that `docs/coming_from.md` tells of, and not
+# `test_defective_precond_breakdown`, where rounding decides whether a zero is one exactly.
+LEAST = {"1.17": 872, "1.18": 886}
 
 
 class Counter:

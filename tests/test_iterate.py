@@ -210,7 +210,27 @@ def test_a_guess_beside_which_b_underflows_is_no_solution(solver, dtype, of_b, o
     assert_allclose(residuals[0] / of_b, np.sqrt(5.0), rtol=1e-5)
 
 
+@each
+def test_a_guess_may_be_the_product_of_m_and_b(solver):
+    b = vector().real
+    for N, guess in ((M, M @ b), (None, b)):
+        found = []
+        for x0 in ("Mb", guess):
+            residuals = []
+            x, _ = solver(A, b, x0, M=N, maxiter=2, residuals=residuals)
+            found.append([*x, *residuals])
+        assert np.array_equal(*found)
+        assert_allclose(residuals[0], np.linalg.norm(b - A @ guess))
+
+
 # What each takes and refuses -------------------------------------------------------------------
+
+
+@each
+def test_an_infinite_tolerance_is_met_by_any_guess(solver):
+    for name in ("atol", "rtol"):
+        x, info = solver(A, vector().real, np.ones(200), **{name: np.inf})
+        assert (info, x.tolist()) == (0, [1.0] * 200)
 
 
 @each
@@ -221,6 +241,10 @@ def test_takes_what_scipy_takes(solver):
             x, info = solver(matrix, rhs, M=np.diag([0.5, 0.3, 0.2]), rtol=1e-12)
             assert info == 0
             assert_allclose(x, [0.5, 2 / 3, 0.75])
+    without_dtype = LinearOperator((2, 2), lambda x: x)
+    without_dtype.dtype = None  # As that of SciPy's unit matrix is.
+    for operators in ((without_dtype, None), (np.eye(2), without_dtype)):
+        assert_allclose(solver(operators[0], [1.0, 2.0], M=operators[1])[0], [1.0, 2.0])
     z, info = solver(np.eye(2), [1.0, 2.0], M=np.diag([1.0 + 0j, 1.0]), rtol=1e-12)
     assert info == 0
     assert_allclose(z, [1.0, 2.0])
@@ -312,11 +336,13 @@ def test_the_first_guess_is_not_changed_and_may_be_the_solution(solver):
         ({"b": np.ones(4)}, ValueError, r"b has shape \(4,\), but A has \(3, 3\)"),
         ({"x0": np.ones(4)}, ValueError, r"x0 has shape \(4,\)"),
         ({"b": [1.0, np.nan, 0.0]}, ValueError, "b has entries that are not finite"),
-        ({"rtol": -1e-8}, ValueError, "rtol is -1e-08, but must be finite and not negative"),
+        ({"rtol": -1e-8}, ValueError, "rtol is -1e-08, but must be a number that is not negative"),
         ({"rtol": np.nan}, ValueError, "rtol is nan"),
-        ({"rtol": "a"}, TypeError, "rtol is 'a', but must be a real number"),
-        ({"atol": np.inf}, ValueError, "atol is inf"),
-        ({"atol": None}, TypeError, "atol is None, but must be a real number"),
+        ({"rtol": "a"}, ValueError, "rtol is 'a', but must be a number that is not negative"),
+        ({"rtol": [1.0]}, TypeError, "rtol is .*, but must be a real number"),
+        ({"atol": None}, ValueError, "atol is None, but must be a number that is not negative"),
+        ({"x0": "mb"}, ValueError, "x0 is 'mb', but must be a vector, or 'Mb'"),
+        ({"x0": "Mb", "M": np.full((3, 3), 1e308)}, ValueError, "M @ b has entries that"),
         ({"maxiter": 0}, ValueError, "maxiter is 0, but must be at least 1"),
         ({"maxiter": 1.5}, TypeError, "maxiter is 1.5, but must be an integer"),
         ({"M": np.eye(2)}, ValueError, r"M has shape \(2, 2\), but A has \(3, 3\)"),

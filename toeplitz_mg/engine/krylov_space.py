@@ -29,7 +29,7 @@ class KrylovSpace:
 
     Attributes
     ----------
-    dimension : int
+    dimension, most : int
 
     Notes
     -----
@@ -65,7 +65,7 @@ class KrylovSpace:
         self._g = np.zeros(most + 1, double)
         self._exhausted = ROUNDING * float(np.finfo(dtype).eps)
         self._size = self._least = 0.0
-        self.dimension = 0
+        self.dimension, self.most = 0, most
 
     @property
     def basis(self) -> Array:

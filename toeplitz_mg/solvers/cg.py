@@ -7,17 +7,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import (
-    System,
-    check_precision,
-    check_system,
-)
-from toeplitz_mg.solvers.iterate import Iterate
+from toeplitz_mg.solvers.checks import Iterate, System, check_precision, check_system
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
 # Factors by which ‖r‖ falls before an `inner` residual is computed anew: the least, the first, and
@@ -52,52 +46,45 @@ def cg(
     A : array_like, sparse matrix or LinearOperator, of shape (n, n)
         Symmetric positive definite, or Hermitian positive definite.
     b : array_like of shape (n,) or (n, 1)
-    x0 : array_like of shape (n,) or (n, 1), optional
-        First guess, zero by default. It is not changed. One beside whose residual b underflows is
-        not taken.
+    x0 : array_like of shape (n,) or (n, 1), or "Mb", optional
+        First guess, zero by default; "Mb" is ``M @ b``. It is not changed. A guess so large that
+        `b` underflows beside its residual is not taken.
     rtol, atol : float
-        It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). The recurrence for the residual
-        says when to stop; then the true one is computed, with one product more in the precision of
-        `A` and `b`, and where rounding has made it larger than that goal the iteration starts once
-        more from there.
+        It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). Where the recurrence for the
+        residual is there, the true one is computed, in the precision of `A` and `b`; if that has
+        drifted from it by rounding, the iteration starts once more from there.
     maxiter : int, optional
         Most iterations, 10 n by default.
     M : array_like, sparse matrix or LinearOperator, optional
-        Approximate inverse of `A`, symmetric or Hermitian positive definite. It may be in
-        float32.
+        Approximate inverse of `A`, symmetric or Hermitian positive definite, also in float32.
     callback : callable, optional
         Called as ``callback(xk)`` with the iterate after each iteration. The array is used again:
         copy what is to be kept.
     inner : LinearOperator, optional
-        `A` in less precision, such as ``A.astype(np.float32)``. The iteration is then in that
-        precision, but for the residual, which is computed anew with `A` at the end and whenever
-        it may be wrong by 0.1 %: twice or three times where `A` has a condition number of some
-        thousands, as with two axes. There it takes as many iterations to the same residual, in
-        4/5 of the time. Where the condition number is above 1e6 it does not pay. `M` had
-        best be in that precision too.
+        `A` in less precision, as ``A.astype(np.float32)``, in which the iteration then is; the
+        residual is computed anew with `A` whenever it may be wrong by 0.1 %, mostly two or three
+        times. It pays for condition numbers of some thousands, and not above 1e6. `M` had best be
+        in that precision too.
     residuals : list, optional
-        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, so that there are
-        ``len(residuals) - 1`` iterations. What was in it is lost. The norms are those of the
-        recurrence, but for those that are computed: the first one, and the last where it has
-        converged.
+        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, and loses what was
+        in it. All but the first and the last are norms of the recurrence.
 
     Returns
     -------
     x : ndarray of shape (n,)
     info : int
-        0 where it has converged: ‖b - A x‖₂ itself is at the goal. Otherwise the iterations done
-        (at least 1): they are used up; or `A` or `M` is found not to be positive definite, or not
-        to be finite; or no such residual is found in two starts, as `A` is too ill-conditioned
-        for this precision, or the tolerance too small. `x` is then the last iterate.
+        0 where it has converged. Otherwise the iterations done (at least 1): they are used up; or
+        `A` or `M` is found not to be positive definite, or not to be finite; or `A` is too
+        ill-conditioned, or the tolerance too small, for this precision. `x` is then the last
+        iterate.
 
     Raises
     ------
     ValueError
-        For shapes that do not match, numbers that are not finite, negative tolerances, or
-        `maxiter` below 1.
+        For shapes that do not match, numbers that are not finite, tolerances that are negative or
+        no numbers, or `maxiter` below 1.
     TypeError
-        For what is not of numbers, or not in single or double precision, a `maxiter` that is no
-        integer, or `residuals` that are no list.
+        For arguments of another type, or numbers not in single or double precision.
 
     See Also
     --------
@@ -120,63 +107,23 @@ def cg(
     (0, True, True)
     """
     system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
-    state = _Descent(system)
-    if state.whole.size_of_b == 0.0:
-        return state.whole.zero()
+    state = Descent(system)
+    if state.size_of_b == 0.0:
+        return state.zero()
     goal = state.goal(rtol, atol)
-    for aim in AIMS:
-        if not _descend(state, system, aim * goal, callback):
-            return state.x, max(state.iterations, 1)
-        if state.true_residual() <= goal:
-            return state.x, 0
-    return state.x, state.iterations
 
-
-def cg_by_recurrence(
-    A: LinearOperator,
-    b: Array,
-    *,
-    M: LinearOperator | None,
-    rtol: float,
-    maxiter: int,
-    residuals: list[float] | None = None,
-    callback: Callable[[Array], object] | None = None,
-) -> tuple[Array, int, bool]:
-    """Return what `cg` finds by the recurrence alone, its iterations, and whether it converged.
-
-    It is for those who compute the residual of the result themselves, and correct it.
-    """
-    system = check_system(A, b, None, M, rtol, 0.0, maxiter, residuals)
-    state = _Descent(system)
-    converged = _descend(state, system, state.goal(rtol, 0.0), callback)
-    return state.x, state.iterations, converged
-
-
-def _descend(
-    state: "_Descent", system: System, goal: float, callback: Callable[[Array], object] | None
-) -> bool:
-    """Iterate from r anew; whether the recurrence for the residual reaches the goal."""
-    M = system.M
-    precondition = _return_same if M is None else partial(apply_to_rows, M)
-    multiply = partial(apply_to_rows, state.A)
-    iteration = ConjugateGradients(multiply, precondition, system.vectors)
-    size = state.residual(goal)
-    while not size <= goal:
-        if state.iterations == system.maxiter:
-            return False
-        length = iteration.step(state.r)
-        if length == 0.0:  # A or M is not positive definite, or not finite.
-            return False
-        with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
-            state.step(length, iteration)
-        size = state.residual(goal)
+    def watch() -> None:
         if callback is not None:
-            callback(state.x)
-    return True
+            callback(state.solution())
 
-
-def _return_same(r: Array, out: Array) -> Array:
-    return r
+    for aim in AIMS:
+        if not state.reach(aim * goal, system.maxiter, watch):
+            return state.solution(), max(state.iterations, 1)
+        state.compute_residual()
+        state.record()
+        if state.size <= goal:
+            return state.solution(), 0
+    return state.solution(), state.iterations
 
 
 @dataclass
@@ -188,84 +135,71 @@ class _Inner:
     scale: float = 1.0
 
 
-class _Descent:
-    """The iterate of conjugate gradients, which may have less precision than the solution.
+class Descent(Iterate):
+    """Conjugate gradients, which may be in less precision than the solution.
 
-    What is solved for in less precision is y, where A y + r = (b - A x)/scale, with the `x` and
-    the scale of the `Iterate`; without `inner` it is that one itself.
+    What is solved for in less precision is y, where A y + s = (b - A x)/scale, with the residual s
+    in the place of r; without `inner` that is x itself.
     """
 
     def __init__(self, system: System) -> None:
-        dtype = check_precision(system)
-        inner = system.inner
-        A = system.A if inner is None else inner
-        self.whole = whole = Iterate(system)
-        self.A, self._vectors, self._goes_within = A, system.vectors, inner is not None
-        self.goal = whole.goal
-        self._inner: Iterate | _Inner = whole
-        if inner is not None:
-            less = np.result_type(A.dtype, np.complex64) if dtype.kind == "c" else A.dtype
-            y, r = (self._vectors.zeros(whole.x, less) for _ in range(2))
-            self._inner = _Inner(y, self._vectors.copy(whole.r, r))
-        self._is_true = True  # Whether r is that of x, and not that of the recurrence.
-        self._last = self._vectors.norm(self.r)
-        self._fall = FIRST_FALL
+        check_precision(system)
+        super().__init__(system)
+        A, vectors = system.A if system.inner is None else system.inner, self.vectors
+        self._inner: Iterate | _Inner = self
+        if system.inner is not None:
+            less = np.result_type(A.dtype, np.complex64) if system.dtype.kind == "c" else A.dtype
+            y, s = (vectors.zeros(self.x, less) for _ in range(2))
+            self._inner = _Inner(y, vectors.copy(self.r, s))
+        precondition = _return_same if system.M is None else partial(apply_to_rows, system.M)
+        self._products = partial(apply_to_rows, A), precondition
+        self._is_true = True  # Whether the residual is that of x, and not that of the recurrence.
+        self._last, self._fall = self.size, FIRST_FALL
 
-    @property
-    def r(self) -> Array:
-        """The residual, in the precision of the iteration."""
-        return self._inner.r
+    def begin(self) -> None:
+        """Start from the residual, without the directions so far."""
+        self._steps = ConjugateGradients(*self._products, self.vectors)
 
-    @property
-    def iterations(self) -> int:
-        """How many there have been."""
-        return self.whole.iterations
-
-    @property
-    def x(self) -> Array:
-        """The solution so far."""
-        x = self.whole.x
-        return x + self._from_inner() if self._goes_within else x
-
-    def _from_inner(self) -> Array:
-        # The sum is in the precision of x: that of y may not have numbers as large, or as small.
-        whole = self.whole
-        return self._vectors.copy(self._inner.x, self._vectors.empty(whole.x)) * whole.scale
-
-    def step(self, length: float, iteration: ConjugateGradients) -> None:
-        """Go so far along the direction of an iteration."""
-        inner, add = self._inner, self._vectors.axpy
-        inner.x = add(length * inner.scale, iteration.direction, inner.x)
-        inner.r = add(-length, iteration.product, inner.r)
-        self.whole.iterations += 1
-        self._is_true = False
-
-    def residual(self, goal: float) -> float:
-        """Return ‖r‖ by the recurrence; of an `inner` computed anew where that is not reliable."""
-        size = self._vectors.norm(self.r)
-        if self._goes_within and size <= max(goal, self._fall * self._last):
-            return self.true_residual()
-        self.whole.record(size)
-        return size
-
-    def true_residual(self) -> float:
-        """Compute r anew, unless it is as new, and return ‖r‖."""
-        if not self._is_true:
-            self._compute_residual()
-            self._is_true = True
-            self._last = self._vectors.norm(self.r)
-        self.whole.record(self._last)
-        return self._last
-
-    def _compute_residual(self) -> None:
-        whole = self.whole
-        if not self._goes_within:
-            whole.compute_residual()
-            return
-        whole.x += self._from_inner()
-        self._inner.x = self._vectors.zeros(self._inner.x)
-        whole.compute_residual()
+    def advance(self, goal: float) -> bool:
+        """Take a step, and a new residual where that of an `inner` recurrence is not reliable."""
+        inner, steps, add = self._inner, self._steps, self.vectors.axpy
+        length = steps.step(inner.r)
+        if length == 0.0:  # A or M is not positive definite, or not finite.
+            return False
         with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
-            error = self._vectors.norm(whole.r - self.r) / self._last
+            inner.x = add(length * inner.scale, steps.direction, inner.x)
+            inner.r = add(-length, steps.product, inner.r)
+        self._is_true = False
+        self.size = self.vectors.norm(inner.r)
+        if inner is not self and self.size <= max(goal, self._fall * self._last):
+            self.compute_residual()
+        return True
+
+    def solution(self) -> Array:
+        """Return the sum of x and what is solved for in less precision."""
+        if isinstance(self._inner, Iterate):
+            return self.x
+        # The sum is in the precision of x: that of y may not have numbers as large, or as small.
+        y = self.vectors.copy(self._inner.x, self.vectors.empty(self.x))
+        return self.x + y * self.scale
+
+    def compute_residual(self) -> None:
+        """Compute the residual by a product with A, unless it is as new."""
+        if self._is_true:
+            return
+        self._is_true, inner = True, self._inner
+        if isinstance(inner, Iterate):
+            super().compute_residual()
+            return
+        self.x = self.solution()
+        inner.x = self.vectors.zeros(inner.x)
+        super().compute_residual()
+        with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
+            error = self.vectors.norm(self.r - inner.r) / self._last
         self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)
-        self._inner.r = self._vectors.copy(whole.r, self.r)
+        inner.r = self.vectors.copy(self.r, inner.r)
+        self._last = self.size = self.vectors.norm(inner.r)
+
+
+def _return_same(r: Array, out: Array) -> Array:
+    return r

@@ -1,6 +1,7 @@
-"""Checks of what the iterations are given."""
+"""What all iterations have in common: the checks of a system, and one loop with a true residual."""
 
 from collections.abc import Callable
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +12,14 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.ranks import ranks_of
-from toeplitz_mg.engine.vectors import Vectors
-from toeplitz_mg.operators.base import library_for
+from toeplitz_mg.engine.vectors import Vectors, power_above
+from toeplitz_mg.operators.base import apply_to_rows, library_for
 from toeplitz_mg.values import count, is_foreign, real
+
+# Least part of the first residual that b may be, over the smallest number that has all digits.
+FAINT = 1e8
+
+Watch = Callable[[], object]  # Called after each iteration; true where it is to be the last.
 
 
 class System(NamedTuple):
@@ -22,7 +28,7 @@ class System(NamedTuple):
     A: LinearOperator
     M: LinearOperator | None
     b: Array
-    x0: Array | None
+    x0: Array | str | None  # A string is "Mb", for M @ b.
     maxiter: int
     residuals: list[float]
     dtype: np.dtype[Any]  # That of the solution.
@@ -33,7 +39,7 @@ class System(NamedTuple):
 def check_system(
     A: Any,
     b: ArrayLike,
-    x0: ArrayLike | None,
+    x0: Any,
     M: Any,
     rtol: float,
     atol: float,
@@ -46,20 +52,15 @@ def check_system(
 
     Raises
     ------
-    ValueError
-        For shapes that do not match, numbers that are not finite, negative tolerances, a `maxiter`
-        below 1, or, on ranks, arguments or operators of a kind that is not that of all.
-    TypeError
-        For vectors that are not of numbers, a `maxiter` that is no integer, or `residuals` that
-        are no list, a `callback` that is no function, or for operators of which one is on ranks
-        and the other is not.
+    ValueError, TypeError
+        As `cg` does; on ranks also for arguments that are not alike on all of them.
     """
     ranks = ranks_of(A)
     with ranks.agree() as same:
         system = _check_own(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
         same["rtol, atol, maxiter"] = rtol, atol, maxiter
         same["the dtype of A, M, b and x0"] = system.dtype
-        same["whether there is a first guess"] = x0 is not None
+        same["whether there is a first guess"] = x0 if isinstance(x0, str) else x0 is not None
         for name, given in (("A", A), ("M", M), ("inner", inner)):
             same[name] = getattr(given, "kind", None)
     if maxiter is None:
@@ -71,7 +72,7 @@ def check_system(
 def _check_own(
     A: Any,
     b: ArrayLike,
-    x0: ArrayLike | None,
+    x0: ArrayLike | str | None,
     M: Any,
     rtol: float,
     atol: float,
@@ -83,18 +84,24 @@ def _check_own(
     A = check_operator("A", A)
     n = A.shape[0]
     if A.shape != (n, n):
-        raise ValueError(f"A has shape {A.shape}, but must be square")
-    M = None if M is None else check_operator("M", M)
+        raise ValueError(f"A has shape {A.shape}, but must be square (expected 2-D)")
     if M is not None:
+        M = check_operator("M", M)
         check_place("M", M, A)
         if M.shape != A.shape:
             raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
     for name, tolerance in (("rtol", rtol), ("atol", atol)):
-        if not 0.0 <= real(name, tolerance) < np.inf:
-            raise ValueError(f"{name} is {tolerance}, but must be finite and not negative")
-    maxiter = 10 * n if maxiter is None else count("maxiter", maxiter)
+        # SciPy has a ValueError for None and "legacy" too, and takes infinity.
+        is_number = tolerance is not None and not isinstance(tolerance, str)
+        if not (is_number and real(name, tolerance) >= 0.0):
+            raise ValueError(f"{name} is {tolerance!r}, but must be a number that is not negative")
+    most = 10 * n if maxiter is None else count("maxiter", maxiter)
     library = library_for(A)
-    guess = None if x0 is None else _vector(x0, "x0", n, library)
+    if isinstance(x0, str):
+        if x0 != "Mb":
+            raise ValueError(f"x0 is {x0!r}, but must be a vector, or 'Mb', which is M @ b")
+    elif x0 is not None:
+        x0 = _vector(x0, "x0", n, library)
     if residuals is None:
         residuals = []
     elif not isinstance(residuals, list):
@@ -105,13 +112,17 @@ def _check_own(
     if callback is not None and not callable(callback):
         raise TypeError(f"callback is {callback!r}, but must be a function, or None")
     b = _vector(b, "b", n, library)
-    dtype = np.result_type(A.dtype, *(library.dtype(v) for v in (b, guess) if v is not None))
-    if M is not None and M.dtype.kind == "c":
+    given = [library.dtype(v) for v in (b, x0) if not isinstance(v, str | None)]
+    dtype = np.result_type(_dtype_of(A), *given)
+    if M is not None and _dtype_of(M).kind == "c":
         dtype = np.result_type(dtype, np.complex64)
-    within = None if inner is None else _check_inner(inner, A, dtype)
-    return System(
-        A, M, b, guess, maxiter, residuals, dtype, ranks_of(A).vectors_for(A, dtype), within
-    )
+    inner = None if inner is None else _check_inner(inner, A, dtype)
+    return System(A, M, b, x0, most, residuals, dtype, ranks_of(A).vectors_for(A, dtype), inner)
+
+
+def _dtype_of(A: LinearOperator) -> np.dtype[Any]:
+    # SciPy's IdentityOperator has none.
+    return np.dtype(np.float64 if A.dtype is None else A.dtype)
 
 
 def _check_inner(inner: Any, A: LinearOperator, dtype: np.dtype[Any]) -> LinearOperator:
@@ -204,3 +215,134 @@ def _vector(values: ArrayLike, name: str, n: int, library: Library) -> Array:
     if library.dtype(array).kind in "bui" or library.dtype(array) == np.float16:
         array = library.cast(array, np.float64)
     return xp.reshape(array, (n,))
+
+
+class Iterate:
+    """An iterate x and its residual r, which a kind of iteration changes in `advance`.
+
+    The residual, and what is made of it, are divided by a power of two, so that no square of them
+    over- or underflows: that changes no digit.
+
+    Attributes
+    ----------
+    x : ndarray
+    b, r : ndarray
+        The right-hand side and the residual, divided by `scale`.
+    size, size_of_b : float
+        The norms of `r` and `b`.
+    iterations : int
+        How many there have been. The norms of r for all of them are in ``system.residuals``.
+    """
+
+    def __init__(self, system: System) -> None:
+        A, b, dtype = system.A, system.b, system.dtype
+        self.system, self.iterations = system, 0
+        self.vectors = vectors = system.vectors
+        self.x, peak = vectors.zeros(b, dtype), vectors.peak(b)
+        guess = self._first_guess()
+        if guess is not None:
+            self.x = vectors.copy(guess, self.x)
+            b = vectors.copy(b, vectors.zeros(b, dtype))
+            size = 1.0
+            with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
+                r = b - apply_to_rows(A, self.x)
+                if not vectors.peak(r) < inf:
+                    size = 2.0 ** (int(power_above(max(peak, vectors.peak(self.x)))) - 1)
+                    r = b / size - apply_to_rows(A, self.x / size)
+                above = vectors.peak(r) * size
+            if peak < FAINT * np.finfo(dtype).tiny * above < inf:
+                # Beside it nothing is left of b, so that nothing of the guess is worth keeping.
+                guess, self.x = None, vectors.zeros(b, dtype)
+            else:
+                peak = max(peak, above)
+        # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
+        self.scale = 2.0 ** (int(power_above(peak)) - 1)
+        # It is a copy: the products of whoever made A or M may be in the memory of what they gave.
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.b = vectors.cast(b, dtype) / self.scale
+            if guess is None:
+                self.r = vectors.copy(self.b, vectors.empty(self.b))
+            else:
+                self.r = vectors.cast(r, dtype) * (size / self.scale)
+        self.size_of_b, self.size = vectors.norm(self.b), vectors.norm(self.r)
+        self.record()
+
+    def _first_guess(self) -> Array | None:
+        system = self.system
+        if not isinstance(system.x0, str):
+            return system.x0
+        guess = self.vectors.copy(system.b, self.vectors.zeros(system.b, system.dtype))
+        with np.errstate(over="ignore", invalid="ignore"):  # It is told by the error.
+            guess = guess if system.M is None else apply_to_rows(system.M, guess)
+        if not self.vectors.peak(guess) < inf:
+            raise ValueError("x0 is 'Mb', but M @ b has entries that are not finite")
+        return guess
+
+    def goal(self, rtol: float, atol: float) -> float:
+        """Return what the norm of `r` is to be."""
+        return max(rtol * self.size_of_b, atol / self.scale)
+
+    def zero(self) -> tuple[Array, int]:
+        """Return what an iteration returns where b is zero."""
+        self.system.residuals[:] = [0.0]
+        return self.vectors.zeros(self.x), 0
+
+    def reach(self, goal: float, most: int, watch: Watch | None = None) -> bool:
+        """Iterate until `size` is at the goal, at most until there are so many iterations.
+
+        Return whether it is. `watch` is called after each one, and may return True to stop.
+        """
+        self.begin()
+        is_stopped: object = False
+        while not self.size <= goal:
+            if is_stopped or self.iterations == most or not self.size < inf:
+                return False
+            if not self.advance(goal):
+                return False
+            self.iterations += 1
+            self.record()
+            is_stopped = watch is not None and watch()
+        return True
+
+    def begin(self) -> None:
+        """Start an iteration from `r`."""
+
+    def advance(self, goal: float) -> bool:
+        """Do one iteration, which sets `size`; return False where there is none."""
+        raise NotImplementedError
+
+    def solution(self) -> Array:
+        """Return the solution so far."""
+        return self.x
+
+    def compute_residual(self) -> None:
+        """Compute `r`, and its size, by a product with A."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            r = self.vectors.divide(self.x, self.scale, self.r)
+            r = apply_to_rows(self.system.A, r, r)
+            self.r = self.vectors.subtract(self.b, r, r)
+        self.size = self.vectors.norm(self.r)
+
+    def record(self) -> None:
+        """Put down `size` for this iteration, in the place of what is there for it."""
+        self.system.residuals[self.iterations :] = [self.size * self.scale]
+
+
+def by_recurrence(
+    iteration: Callable[[System], Iterate],
+    A: LinearOperator,
+    b: Array,
+    *,
+    M: LinearOperator | None,
+    rtol: float,
+    maxiter: int,
+    residuals: list[float] | None = None,
+    watch: Watch | None = None,
+) -> tuple[Array, int, bool]:
+    """Return what an iteration finds, how many there were, and whether the recurrence converged.
+
+    It is for those who compute the residual of the result themselves, and correct it.
+    """
+    state = iteration(check_system(A, b, None, M, rtol, 0.0, maxiter, residuals))
+    converged = state.reach(state.goal(rtol, 0.0), maxiter, watch)
+    return state.solution(), state.iterations, converged

@@ -1,25 +1,23 @@
 """GMRES, preconditioned from the right, so that the true residual is what stops it."""
 
+import warnings
 from collections import deque
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg._typing import Array, Multiply
+from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.krylov_space import KrylovSpace
-from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.base import require_numpy, require_serial
-from toeplitz_mg.solvers.checks import System, check_precision, check_system
-from toeplitz_mg.solvers.iterate import Iterate
+from toeplitz_mg.solvers.checks import Iterate, System, check_precision, check_system
 from toeplitz_mg.values import count
 
 RESTART = 20  # Most iterations of a cycle, as in SciPy: there are 28 vectors then.
 STAGNANT = 0.999  # Factor by which some cycles are to reduce the residual, for another to follow.
+TYPES = "x", "pr_norm", "legacy", None  # Of what a callback is called with.
 PATIENCE = 10  # So many cycles: one alone may gain next to nothing, and those after it much.
 
 
@@ -47,48 +45,37 @@ def gmres(
     ----------
     A : array_like, sparse matrix or LinearOperator, of shape (n, n)
         Real or complex, symmetric or not.
-    b : array_like of shape (n,) or (n, 1)
-    x0 : array_like of shape (n,) or (n, 1), optional
-        First guess, zero by default. It is not changed. One beside whose residual b underflows is
-        not taken.
-    rtol, atol : float
-        It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). A recurrence tells that norm in
-        each iteration; at the end of a cycle it is computed, and only that decides.
+    b, x0, rtol, atol
+        As in `cg`.
     restart : int, optional
         Most iterations of a cycle, ``min(20, n)`` by default, after which the next one starts from
         the residual. It keeps ``restart + 1`` vectors, and at most seven beside them: by default
         28, of 224 MiB in 2^20 real unknowns.
     maxiter : int, optional
-        Most cycles, 10 n by default.
+        Most cycles, 10 n by default; with a callback of the type "legacy" most iterations.
     M : array_like, sparse matrix or LinearOperator, optional
         Approximate inverse of `A`, that need not be symmetric. It may be in less precision.
     callback : callable, optional
-        What it is called with, `callback_type` has to say.
-    callback_type : {"x", "pr_norm"}, optional
+    callback_type : {"x", "pr_norm", "legacy"}, optional
         With "x" it is ``callback(xk)`` with the iterate after each cycle; with "pr_norm"
-        ``callback(norm)`` with ‖b - A x‖₂/‖b‖₂ after each iteration.
+        ``callback(norm)`` with ‖b - A x‖₂/‖b‖₂ after each iteration; "legacy" is the same, but
+        changes the meaning of `maxiter`. That is SciPy's default for a callback, with a warning.
     residuals : list, optional
-        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, so that there are
-        ``len(residuals) - 1`` iterations. What was in it is lost. The norms are those of the
-        recurrence, but for those that are computed: the first one, and the last one of each cycle.
+        As in `cg`; the norm at the end of each cycle is computed.
 
     Returns
     -------
     x : ndarray of shape (n,)
     info : int
-        0 where it has converged. Otherwise the iterations done, of all cycles (at least 1): the
-        cycles are used up; or a cycle has not reduced the residual, or ten cycles by less than
-        0.1 % together, as with a singular matrix, near rounding, or with too short a cycle; or `A`
-        or `M` is found not to be finite. `x` is then the iterate of the least residual.
+        0 where it has converged. Otherwise how many have been done of what `maxiter` counts (at
+        least 1): they are used up; or a cycle has not reduced the residual, or ten cycles by less
+        than 0.1 % together, as with a singular matrix, near rounding, or with too short a cycle; or
+        `A` or `M` is found not to be finite. `x` is then the iterate of the least residual.
 
     Raises
     ------
-    ValueError
-        For shapes that do not match, numbers that are not finite, negative tolerances, `restart`
-        or `maxiter` below 1, or a `callback` of another type than these two.
-    TypeError
-        For what is not of numbers, or not in single or double precision, a `restart` or `maxiter`
-        that is no integer, or `residuals` that are no list.
+    ValueError, TypeError
+        As in `cg`, and for a `restart` below 1, or a `callback_type` that is none of these.
 
     See Also
     --------
@@ -119,108 +106,99 @@ def gmres(
     require_serial("A", A)
     require_numpy(A, "gmres")
     system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback)
-    dtype, n = check_precision(system), len(system.b)
-    restart = min(n, RESTART if restart is None else count("restart", restart))
-    allowed = ("x", "pr_norm") if callback else ("x", "pr_norm", None)
-    if not isinstance(callback_type, str | None) or callback_type not in allowed:
-        raise ValueError(
-            f"callback_type is {callback_type!r}, but must be 'x', to call back with the iterate "
-            "after each cycle, or 'pr_norm', with the relative residual after each iteration"
-        )
-    reports_norms = callback_type == "pr_norm"
-    state = Iterate(system)
+    restart = min(len(system.b), RESTART if restart is None else count("restart", restart))
+    by_iterations = _counts_iterations(callback, callback_type)
+    state = Space(system, restart)
     if state.size_of_b == 0.0:
         return state.zero()
-    goal, residual = state.goal(rtol, atol), norm(state.r)
-    state.record(residual)
-    space = KrylovSpace(_product(system), (n,), dtype, restart)
-    cycles, past = 0, deque([np.inf] * PATIENCE, PATIENCE)
-    while not residual <= goal:
-        has_gained = residual < past[-1] and residual < STAGNANT * past[0]
-        if cycles == system.maxiter or not has_gained:
-            return state.x, max(state.iterations, 1)
-        before = residual
-        past.append(before)
-        with np.errstate(over="ignore", invalid="ignore"):  # It is told by `info`.
-            least = before
-            for least in _extend(space, state.r, restart, goal):
-                state.iterations += 1
-                state.record(least)
-                if callback is not None and reports_norms and least > goal:
-                    callback(least / state.size_of_b)
-            residual = _correct(state, space, system.M, before)
-        cycles += 1
-        state.record(residual)
-        if callback is not None and reports_norms and least <= goal:  # It is told once it is known.
-            callback(residual / state.size_of_b)
+    goal, done, past = state.goal(rtol, atol), 0, deque([np.inf] * PATIENCE, PATIENCE)
+
+    def tell() -> None:
+        if callback is not None and callback_type != "x":
+            callback(np.float64(state.size / state.size_of_b))
+
+    def watch() -> None:
+        if state.size > goal:  # The last one is told once its residual is known.
+            tell()
+
+    while not state.size <= goal:
+        has_gained = state.size < past[-1] and state.size < STAGNANT * past[0]
+        if done == system.maxiter or not has_gained:
+            return state.x, max(done, 1)
+        past.append(state.size)
+        before = state.iterations
+        length = min(restart, system.maxiter - done) if by_iterations else restart
+        is_last = state.reach(goal, before + length, watch)
+        state.correct()
+        done += state.iterations - before if by_iterations else 1
+        if is_last:
+            tell()
         if callback is not None and callback_type == "x":
             callback(state.x)
     return state.x, 0
 
 
-def gmres_by_recurrence(
-    A: LinearOperator,
-    b: Array,
-    *,
-    M: LinearOperator | None,
-    rtol: float,
-    most: int,
-    residuals: list[float],
-    callback: Callable[[float], object],
-) -> tuple[Array, bool]:
-    """Return what `gmres` finds in one cycle by the recurrence alone, and whether it converged.
-
-    It is for those who compute the residual of the result themselves, and correct it. The callback
-    is called with ‖b - A x‖₂/‖b‖₂ after each iteration.
-    """
-    system = check_system(A, b, None, M, rtol, 0.0, 1, residuals)
-    state = Iterate(system)
-    if state.size_of_b == 0.0:
-        return state.x, True
-    goal, least = state.goal(rtol, 0.0), state.size_of_b
-    state.record(least)
-    space = KrylovSpace(_product(system), b.shape, check_precision(system), most)
-    for least in _extend(space, state.r, most, goal):
-        state.iterations += 1
-        state.record(least)
-        callback(least / state.size_of_b)
-    return _find(state, space, M), least <= goal
+def _counts_iterations(callback: Any, callback_type: Any) -> bool:
+    """Whether `maxiter` counts iterations, not cycles; refuse what is no type of a callback."""
+    if callback_type is None and callback is not None:
+        warnings.warn(
+            "gmres is called without specifying `callback_type`, which is then 'legacy' as in "
+            "SciPy: maxiter counts iterations. Give callback_type='legacy', or 'pr_norm' for the "
+            "same callback and a maxiter that counts cycles",
+            DeprecationWarning,
+            stacklevel=3,
+        )
+        return True
+    if not isinstance(callback_type, str | None) or callback_type not in TYPES:
+        raise ValueError(
+            f"callback_type is {callback_type!r}, but must be 'x', to call back with the iterate "
+            "after each cycle, 'pr_norm', with the relative residual after each iteration, or "
+            "'legacy', as 'pr_norm' but with a maxiter that counts iterations"
+        )
+    return callback is not None and callback_type == "legacy"
 
 
-def _product(system: System) -> Multiply:
-    """Return the products with A M, or with A."""
-    A, M = system.A, system.M
-    if M is None:
-        return partial(apply_to_rows, A)
-    between = np.empty(len(system.b), system.dtype)
-    return lambda v, out: apply_to_rows(A, apply_to_rows(M, v, between), out)
+class Space(Iterate):
+    """GMRES: the iterate of the least residual in a Krylov space of A M."""
 
+    def __init__(self, system: System, restart: int | None = None) -> None:
+        dtype, n = check_precision(system), len(system.b)
+        super().__init__(system)
+        self._between = np.empty(n if system.M is not None else 0, dtype)
+        most = min(n, system.maxiter if restart is None else restart)
+        self._space = KrylovSpace(self._multiply, (n,), dtype, most)
+        self._before = self.size
 
-def _extend(space: KrylovSpace, r: Array, most: int, goal: float) -> Iterator[float]:
-    """Search a space that grows until it holds a solution, and yield the least residuals."""
-    space.begin(r)
-    while space.dimension < most:
-        least = space.extend()
-        yield least
-        if least <= goal:  # It is 0 where nothing more is to be had.
-            return
+    def _multiply(self, v: Array, out: Array) -> Array:
+        A, M = self.system.A, self.system.M
+        return apply_to_rows(A, v if M is None else apply_to_rows(M, v, self._between), out)
 
+    def begin(self) -> None:
+        """Begin a space with the residual."""
+        self._before = self.size
+        self._space.begin(self.r)
 
-def _correct(state: Iterate, space: KrylovSpace, M: LinearOperator | None, before: float) -> float:
-    """Add to x the best in the space, if it is better, and return the norm of the residual."""
-    x = state.x
-    state.x = x + _find(state, space, M)
-    residual = state.compute_residual()
-    if residual < before:
-        return residual
-    state.x = x
-    return before
+    def advance(self, goal: float) -> bool:
+        """Add a dimension, if there is room; its least residual is 0 where no other is found."""
+        if self._space.dimension == self._space.most:
+            return False
+        with np.errstate(over="ignore", invalid="ignore"):  # It is told by `info`.
+            self.size = self._space.extend()
+        return True
 
+    def solution(self) -> Array:
+        """Return the sum of x and the best change of it in the space."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            z = self._space.solution()
+            if self.system.M is not None:
+                apply_to_rows(self.system.M, z, z)
+            z *= self.scale
+            return self.x + z
 
-def _find(state: Iterate, space: KrylovSpace, M: LinearOperator | None) -> Array:
-    """Return the best change of x in the space."""
-    z = space.solution()
-    if M is not None:
-        apply_to_rows(M, z, z)
-    z *= state.scale
-    return z
+    def correct(self) -> None:
+        """Replace x by the solution, if that is better, and compute the residual."""
+        x, self.x = self.x, self.solution()
+        self.compute_residual()
+        if not self.size < self._before:
+            self.x, self.size = x, self._before
+        self.record()

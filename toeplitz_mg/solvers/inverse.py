@@ -14,7 +14,8 @@ from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.lifting import accept_any, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.traits import decays_slowly
-from toeplitz_mg.solvers.cg import cg_by_recurrence
+from toeplitz_mg.solvers.cg import Descent
+from toeplitz_mg.solvers.checks import by_recurrence
 from toeplitz_mg.solvers.reflection import SHORT, levinson_column
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
@@ -253,6 +254,6 @@ def _solve(A: ToeplitzOperator) -> Columns | None:
         return Columns(A, solver.solve(unit[np.newaxis], ROUGH)[0][0])
     if decays_slowly(A.c):
         M = fsai_preconditioner(A)
-        x, _, converged = cg_by_recurrence(A, unit, M=M, rtol=ROUGH, maxiter=50)
+        x, _, converged = by_recurrence(Descent, A, unit, M=M, rtol=ROUGH, maxiter=50)
         return Columns(A, x) if converged else None
     return None

@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.solvers.checks import check_system
-from toeplitz_mg.solvers.iterate import Iterate
+from toeplitz_mg.solvers.checks import Iterate, check_system
 
 PATIENCE = 100  # Iterations without a smaller residual, after which none is expected.
 
@@ -34,23 +33,16 @@ def richardson(
     Parameters
     ----------
     A : array_like, sparse matrix or LinearOperator, of shape (n, n)
-    b : array_like of shape (n,) or (n, 1)
-    x0 : array_like of shape (n,) or (n, 1), optional
-        First guess, zero by default. It is not changed. One beside whose residual b underflows is
-        not taken.
-    rtol, atol : float
-        It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol).
+    b, x0, rtol, atol, callback
+        As in `cg`.
     maxiter : int, optional
         Most iterations, 10 n by default.
     M : array_like, sparse matrix or LinearOperator, optional
         Approximate inverse of `A`. The iteration converges where ρ(I - M A) < 1; it need not be
         symmetric.
-    callback : callable, optional
-        Called as ``callback(xk)`` with the iterate after each iteration. The array is used again:
-        copy what is to be kept.
     residuals : list, optional
-        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, so that there are
-        ``len(residuals) - 1`` iterations. What was in it is lost.
+        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, and loses what was
+        in it.
 
     Returns
     -------
@@ -62,12 +54,8 @@ def richardson(
 
     Raises
     ------
-    ValueError
-        For shapes that do not match, numbers that are not finite, negative tolerances, or
-        `maxiter` below 1.
-    TypeError
-        For `b` or `x0` that are not of numbers, a `maxiter` that is no integer, or `residuals`
-        that are no list.
+    ValueError, TypeError
+        As in `cg`.
 
     See Also
     --------
@@ -89,28 +77,33 @@ def richardson(
     >>> info, len(residuals) - 1 < 20, residuals[-1] <= 1e-8 * residuals[0]
     (0, True, True)
     """
-    system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback)
-    state = Iterate(system)
+    state = _Correction(check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback))
     if state.size_of_b == 0.0:
         return state.zero()
-    M = system.M
-    goal, residual = state.goal(rtol, atol), state.vectors.norm(state.r)
-    limit = max(residual, state.size_of_b) / np.finfo(system.dtype).eps
-    best, best_at = residual, 0
-    state.record(residual)
-    while not residual <= goal:
-        stagnates = state.iterations - best_at >= PATIENCE
-        if state.iterations == system.maxiter or stagnates or not residual <= limit:
-            return state.x, max(state.iterations, 1)
-        with np.errstate(over="ignore", invalid="ignore"):  # It is reported, not warned of.
-            r = state.r if M is None else apply_to_rows(M, state.r, state.r)
-            r *= state.scale
-            state.x += r
-        residual = state.compute_residual()
-        state.iterations += 1
-        state.record(residual)
-        if residual < best:
-            best, best_at = residual, state.iterations
+    limit = max(state.size, state.size_of_b) / np.finfo(state.system.dtype).eps
+    best, best_at = state.size, 0
+
+    def watch() -> bool:
+        nonlocal best, best_at
         if callback is not None:
             callback(state.x)
-    return state.x, 0
+        if state.size < best:
+            best, best_at = state.size, state.iterations
+        return state.iterations - best_at >= PATIENCE or not state.size <= limit
+
+    converged = state.reach(state.goal(rtol, atol), state.system.maxiter, watch)
+    return state.x, 0 if converged else max(state.iterations, 1)
+
+
+class _Correction(Iterate):
+    """Corrections of x by M r."""
+
+    def advance(self, goal: float) -> bool:
+        """Correct x, and compute the residual."""
+        M = self.system.M
+        with np.errstate(over="ignore", invalid="ignore"):  # It is reported, not warned of.
+            r = self.r if M is None else apply_to_rows(M, self.r, self.r)
+            r *= self.scale
+            self.x += r
+        self.compute_residual()
+        return True

@@ -5,7 +5,6 @@ for only where the residual of that solution is too large (see `refinement`).
 """
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, partial
 from math import inf
@@ -27,8 +26,9 @@ from toeplitz_mg.preconditioners.circulant import (
 )
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
 from toeplitz_mg.preconditioners.traits import is_flat
-from toeplitz_mg.solvers.cg import cg_by_recurrence
-from toeplitz_mg.solvers.gmres import gmres_by_recurrence
+from toeplitz_mg.solvers.cg import Descent
+from toeplitz_mg.solvers.checks import by_recurrence
+from toeplitz_mg.solvers.gmres import Space
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.toeplitz.levinson import column_and_row_of_inverse, levinson
@@ -331,69 +331,43 @@ def _with_circulant(s: ToeplitzSystem, solve: Any, eigenvalues: Array | None) ->
     return solve_within
 
 
-class _TooSlow(Exception):
-    """An iteration converges too slowly."""
-
-
-def _cg(
-    A: LinearOperator, M: LinearOperator | None, patience: Patience, B: Rows, rtol: float
+def _iterate(
+    name: str,
+    iteration: Any,
+    useful: float,
+    A: LinearOperator,
+    M: LinearOperator | None,
+    patience: Patience,
+    B: Rows,
+    rtol: float,
 ) -> tuple[Rows, int]:
-    """Solve for each row of B by conjugate gradients, and return the most iterations of all."""
+    """Solve for each row of B, and return the most iterations of all.
 
-    def run(b: Array, residuals: list[float], watch: Any) -> tuple[Array, bool]:
-        x, _, converged = cg_by_recurrence(
-            A,
-            b,
-            M=M,
-            rtol=rtol,
-            maxiter=patience.most,
-            residuals=residuals,
-            callback=watch,
-        )
-        return x, converged
-
-    return _iterate("cg", run, patience, B, 0.0)
-
-
-def _gmres(
-    A: LinearOperator, M: LinearOperator | None, patience: Patience, B: Rows, rtol: float
-) -> tuple[Rows, int]:
-    """Solve for each row of B by GMRES, and return the most iterations of all."""
-
-    def run(b: Array, residuals: list[float], watch: Any) -> tuple[Array, bool]:
-        return gmres_by_recurrence(
-            A,
-            b,
-            M=M,
-            rtol=rtol,
-            most=min(patience.most, len(b)),
-            residuals=residuals,
-            callback=watch,
-        )
-
-    return _iterate("gmres", run, patience, B, USEFUL)
-
-
-def _iterate(name: str, run: Any, patience: Patience, B: Rows, useful: float) -> tuple[Rows, int]:
-    """Iterate for each row of B; raise LinAlgError where that converges too slowly."""
+    Raises
+    ------
+    LinAlgError
+        Where that converges too slowly, to a relative residual above `useful`.
+    """
     X, most = np.empty_like(B), 0
     for x, b in zip(np.atleast_2d(X), np.atleast_2d(B), strict=True):
-        residuals: list[float] = []
+        norms: list[float] = []
 
-        def watch(_: object, residuals: list[float] = residuals) -> None:
-            if residuals[-1] > residuals[0] * patience.expected.get(len(residuals) - 1, inf):
-                raise _TooSlow
+        def is_slow(norms: list[float] = norms) -> bool:
+            return norms[-1] > norms[0] * patience.expected.get(len(norms) - 1, inf)
 
-        with suppress(_TooSlow):
-            x[:], converged = run(b, residuals, watch)
-            if converged or residuals[-1] <= useful * residuals[0]:
-                most = max(most, len(residuals) - 1)
-                continue
-        raise np.linalg.LinAlgError(
-            f"{name} has reached {residuals[-1] / residuals[0]:.1e} ‖b‖ in {len(residuals) - 1} "
-            "iterations"
+        x[:], iterations, converged = by_recurrence(
+            iteration, A, b, M=M, rtol=rtol, maxiter=patience.most, residuals=norms, watch=is_slow
         )
+        if not (converged or norms[-1] <= useful * norms[0]):
+            raise np.linalg.LinAlgError(
+                f"{name} has reached {norms[-1] / norms[0]:.1e} ‖b‖ in {iterations} iterations"
+            )
+        most = max(most, iterations)
     return X, most
+
+
+_cg = partial(_iterate, "cg", Descent, 0.0)
+_gmres = partial(_iterate, "gmres", Space, USEFUL)
 
 
 # The table --------------------------------------------------------------------------------------
