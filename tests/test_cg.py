@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg
 from numpy.testing import assert_allclose
+from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
@@ -268,6 +269,22 @@ def test_preconditioners_of_a_part_of_a_grid_are_operators_too():
         x, info = tmg.cg(P, b, rtol=1e-10)
         assert info == 0
         assert_allclose(P @ x, b, atol=1e-8)
+
+
+def test_a_preconditioner_that_cannot_be_symmetric_is_warned_of():
+    A, b = system(600)
+    S, C = tmg.fft_preconditioner(A), tmg.cosine_preconditioner(A)
+    before, after = tmg.multigrid(A, post=0), tmg.multigrid(A, pre=0)
+    for M in (before, after, 2 * after, S + after, tmg.fft_sd_preconditioner(A), S @ C, S @ A):
+        with pytest.warns(UserWarning, match="not symmetric, but cg needs that"):
+            tmg.cg(A, b, M=M, maxiter=3)
+        tmg.richardson(A, b, M=M, maxiter=3)
+        tmg.gmres(A, b, M=M, maxiter=3)
+    # Symmetric, by what they are made of; and what does not tell.
+    own = tmg.multigrid(A, smoother=lambda A: aslinearoperator(np.eye(A.shape[0]) / A.norm_bound))
+    symmetric = tmg.multigrid(A), S, C @ S @ C, 2 * S - S @ A @ S, S**2
+    for M in (*symmetric, before @ after, own, after @ np.eye(600)):
+        tmg.cg(A, b, M=M, maxiter=3)
 
 
 def test_what_a_callback_does_is_its_own():

@@ -11,6 +11,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.multigrid_cycle.border import Border
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
+from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, grid_of, work_of
 
 
@@ -111,6 +112,14 @@ class Multigrid(GridOperator):
                 self._cycle(levels, again, correction)
                 e += correction
         return e
+
+    @property
+    def is_hermitian(self) -> bool | None:
+        """Whether the cycle is symmetric; None where a smoother does not tell that of itself."""
+        smoothers = [algebra.is_hermitian(level.smoother) for level in self.levels]
+        if self.pre != self.post or False in smoothers:
+            return False
+        return None if None in smoothers else True
 
     def _adjoint(self) -> "Multigrid":
         smoothers = [level.smoother.H for level in self.levels]

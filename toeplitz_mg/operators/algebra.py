@@ -204,3 +204,49 @@ def _positions(name: str, index: Any, length: int) -> Any:
     if not -length <= k < length:
         raise IndexError(f"the {name} is {k}, but must lie between {-length} and {length - 1}")
     return k % length
+
+
+# What SciPy makes of operators, each with the `args` that it is made of.
+_I = aslinearoperator(np.eye(1))
+SUM, PRODUCT, MULTIPLE, POWER = type(_I + _I), type(_I @ _I), type(2.0 * _I), type(_I**2)
+
+
+def is_hermitian(A: Any) -> bool | None:
+    """Tell by what a matrix is made of whether it is Hermitian; None where that does not tell.
+
+    A product is taken for Hermitian only where it is the same from both ends, as S A S is: that of
+    two Hermitian matrices is where they commute, which is not known.
+
+    Examples
+    --------
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator([4.0, 2.0, 1.0])
+    >>> S = tmg.fft_preconditioner(A)
+    >>> is_hermitian(2 * S - S @ A @ S), is_hermitian(S @ A)
+    (True, False)
+    >>> is_hermitian(aslinearoperator(np.eye(3))) is None  # An array is not looked at.
+    True
+    """
+    if not isinstance(A, LinearOperator):
+        return None
+    if isinstance(A, PRODUCT):
+        factors = _factors(A)
+        told = [is_hermitian(B) for B in factors]
+        if None in told or told.count(False) > 1:
+            return None
+        return all(told) and all(B is C for B, C in zip(factors, factors[::-1], strict=True))
+    if isinstance(A, SUM | MULTIPLE | POWER):
+        told = [is_hermitian(B) for B in A.args if isinstance(B, LinearOperator)]
+        is_real = all(np.isreal(x) for x in A.args if not isinstance(x, LinearOperator))
+        if is_real and all(told):
+            return True
+        is_other = told.count(False) == 1 and None not in told
+        return False if is_real and is_other and not isinstance(A, POWER) else None
+    if hasattr(A, "is_hermitian"):
+        return None if A.is_hermitian is None else bool(A.is_hermitian)
+    # An operator of this package is its own adjoint where it is Hermitian.
+    return A.H is A if hasattr(A, "grid_shape") else None
+
+
+def _factors(A: Any) -> list[Any]:
+    return [C for B in A.args for C in _factors(B)] if isinstance(A, PRODUCT) else [A]

@@ -1,5 +1,6 @@
 """Preconditioned conjugate gradients that allocate nothing in an iteration."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.operators.algebra import is_hermitian
 from toeplitz_mg.solvers.checks import Iterate, System, check_precision, check_system
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
@@ -56,7 +58,8 @@ def cg(
     maxiter : int, optional
         Most iterations, 10 n by default.
     M : array_like, sparse matrix or LinearOperator, optional
-        Approximate inverse of `A`, symmetric or Hermitian positive definite, also in float32.
+        Approximate inverse of `A`, symmetric or Hermitian positive definite, also in float32. An
+        operator that is known not to be symmetric, as a V(0,1) cycle, is warned of.
     callback : callable, optional
         Called as ``callback(xk)`` with the iterate after each iteration. The array is used again:
         copy what is to be kept.
@@ -107,6 +110,13 @@ def cg(
     (0, True, True)
     """
     system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback, inner)
+    if is_hermitian(system.M) is False:
+        warnings.warn(
+            f"M is {system.M!r}, which is not symmetric, but cg needs that and may not converge: "
+            "give such an M to gmres or richardson, or to cg one that is, as multigrid(A) with "
+            "pre = post is",
+            stacklevel=2,
+        )
     state = Descent(system)
     if state.size_of_b == 0.0:
         return state.zero()
