@@ -86,7 +86,9 @@ def test_options(options, capsys):
 
 def test_not_converged_is_status_one(capsys, folder):
     assert main(["-n", "500", "--maxiter", "1"]) == 1
-    assert "NOT CONVERGED" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "NOT CONVERGED" in told
+    assert "--maxiter 1 is used up: allow more iterations, or take another --precond" in told
     assert solve(folder, "--solver", "richardson", "--preconditioner", "fft") == 1
     assert not (folder / "x.npy").exists()
 

@@ -111,6 +111,12 @@ def run(
     if written:  # First of all, so that the solution does not depend on what can be printed.
         files.save(options.output, system.on_its_grid(solution.x))
     print_report(solution, setup, published(label))
+    if not solution.converged:
+        advice = f"--rtol {options.rtol:g} is out of reach: take a larger one"
+        if len(solution.residuals) > options.maxiter:
+            advice = f"--maxiter {options.maxiter} is used up: allow more iterations"
+        others = "" if options.solver == "cg" else ", or --solver cg"
+        print(f"{advice}, or take another --preconditioner{others}")
     if written:
         print(f"written to {options.output}")
     if options.plot is not None:
