@@ -393,7 +393,7 @@ WRONG = [
     *((tmg.fft_rsm_preconditioner, {"gamma": g}) for g in ("a", [1.0], 1j)),
     *((tmg.fft_sd_preconditioner, {"n_subdomains": m}) for m in ("a", 1.5)),
     *((tmg.fsai_preconditioner, {"neighbours": k}) for k in ("a", 1.5)),
-    *((tmg.multigrid, {"smoother": s}) for s in ("fft", 3, None)),
+    *((tmg.multigrid, {"smoother": s}) for s in ("fft", 3)),
     *((tmg.multigrid, {"interpolation": t}) for t in ("linear", 3, None)),
     *((tmg.multigrid, {"coarsen": c}) for c in ("galerkin", 3)),
     *((tmg.multigrid, {k: "a"}) for k in ("pre", "post", "gamma", "coarsest")),

@@ -1,7 +1,6 @@
 """Multigrid: transfer of vectors and matrices between grids, the levels, the cycle."""
 
 from toeplitz_mg.multigrid_cycle.build import multigrid
-from toeplitz_mg.multigrid_cycle.coarsening import galerkin, rediscretised
 from toeplitz_mg.multigrid_cycle.cycle import Multigrid
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
 from toeplitz_mg.multigrid_cycle.interpolation import (
@@ -10,6 +9,7 @@ from toeplitz_mg.multigrid_cycle.interpolation import (
     modulated_interpolation,
     piecewise_constant,
 )
+from toeplitz_mg.multigrid_cycle.transfer import galerkin, rediscretised
 
 __all__ = [
     "Interpolation",

@@ -13,6 +13,7 @@ from toeplitz_mg.multigrid_cycle.border import Border
 from toeplitz_mg.multigrid_cycle.hierarchy import Level
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows, grid_of, work_of
+from toeplitz_mg.operators.composed import DiagonallyScaled
 
 
 class Multigrid(GridOperator):
@@ -70,15 +71,16 @@ class Multigrid(GridOperator):
     def _cycle(self, levels: tuple[Level, ...], b: Array, x: Array) -> None:
         """Write to x one cycle from a zero guess: smooth, correct on the coarse grid, smooth."""
         A, S = levels[0].A, levels[0].smoother
-        if levels[0].transfer is None:
-            apply_to_rows(S, b, x)
-            return
+        is_coarsest = levels[0].transfer is None
+        pre = _steps_on_coarsest(levels[0], self.pre + self.post) if is_coarsest else self.pre
         r = workspace(b.shape, b.dtype)
-        if self.pre:
+        if pre:
             apply_to_rows(S, b, x)
-            for _ in range(self.pre - 1):
+            for _ in range(pre - 1):
                 _residual(A, x, b, r)
                 x += apply_to_rows(S, r, r)
+            if is_coarsest:
+                return
             _residual(A, x, b, r)
             self._correct(levels, r, r)
             x += r
@@ -104,7 +106,7 @@ class Multigrid(GridOperator):
         """Solve on a coarse grid by gamma cycles."""
         e = workspace(r.shape, r.dtype)
         self._cycle(levels, r, e)
-        if levels[0].transfer is not None:  # On the coarsest grid once is exact.
+        if not levels[0].is_exact:
             for _ in range(self.gamma - 1):
                 again = workspace(r.shape, r.dtype)
                 correction = workspace(r.shape, r.dtype)
@@ -121,17 +123,28 @@ class Multigrid(GridOperator):
             return False
         return None if None in smoothers else True
 
-    def _adjoint(self) -> "Multigrid":
-        smoothers = [level.smoother.H for level in self.levels]
-        symmetric = all(
-            H is level.smoother for H, level in zip(smoothers, self.levels, strict=True)
+    @property
+    def is_definite(self) -> bool:
+        """Whether the cycle is symmetric positive definite by construction, as `cg` needs it.
+
+        With K = I - S A, v steps before and after, and the coarse cycle B it is
+
+            A⁻¹ - Kᵛ A⁻¹ Kᵛᵀ + Kᵛ P B Pᵀ Kᵛᵀ,
+
+        which is definite where S is symmetric and converges and B is definite. So is a coarse
+        V-cycle, by induction, and a W-cycle 2 B - B A B if B A has no eigenvalue above 2, as where
+        the coarse matrices are those of `galerkin`, which are not below R A P, or hardly so.
+        """
+        is_nested = self.gamma % 2 == 1 or all(level.is_galerkin for level in self.levels)
+        return (
+            bool(self.is_hermitian) and is_nested and all(level.converges for level in self.levels)
         )
-        if symmetric and self.pre == self.post:
+
+    def _adjoint(self) -> "Multigrid":
+        if self.is_hermitian:
             return self
         # The adjoint smooths in the reverse order with the adjoint smoother.
-        levels = tuple(
-            replace(level, smoother=H) for H, level in zip(smoothers, self.levels, strict=True)
-        )
+        levels = tuple(replace(level, smoother=level.smoother.H) for level in self.levels)
         return Multigrid(levels, self.post, self.pre, self.gamma)
 
     def __repr__(self) -> str:
@@ -139,10 +152,13 @@ class Multigrid(GridOperator):
         sizes = [str(level.A.shape[0]) for level in self.levels]
         if len(sizes) > 4:
             sizes = [*sizes[:3], "...", sizes[-1]]
-        smoother = type(self.levels[0].smoother).__name__
+        smoother = self.levels[0].smoother
+        if isinstance(smoother, DiagonallyScaled):
+            smoother = smoother.M
+        end = " (dense)" if self.levels[-1].is_exact else ""
         return (
-            f"<Multigrid {kind}({self.pre},{self.post}) {smoother}  "
-            f"{' > '.join(sizes)} (dense)  {self.work:.1f} work units>"
+            f"<Multigrid {kind}({self.pre},{self.post}) {type(smoother).__name__}  "
+            f"{' > '.join(sizes)}{end}  {self.work:.1f} work units>"
         )
 
 
@@ -152,13 +168,21 @@ def _work(levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> float:
     # zero guess, and one for the coarse grid, unless the guess still is zero; and the residuals
     # between the cycles of a W.
     points, cycles = 0.0, 1
-    for k, level in enumerate(levels[:-1]):
-        again = cycles - cycles // gamma if k else 0
-        smoothing = cycles * (pre + post) * work_of(level.smoother)
-        residuals = (cycles * (pre + post) + again) * work_of(level.A)
-        points += (smoothing + residuals) * prod(grid_of(level.A))
+    for k, level in enumerate(levels):
+        again = cycles - cycles // gamma if k and not level.is_exact else 0
+        steps, residuals = pre + post, pre + post
+        if level.transfer is None:
+            steps = _steps_on_coarsest(level, steps)
+            residuals = steps - 1
+        work = cycles * steps * work_of(level.smoother)
+        work += (cycles * residuals + again) * work_of(level.A)
+        points += work * prod(grid_of(level.A))
         cycles *= gamma
     return points / prod(grid_of(levels[0].A))
+
+
+def _steps_on_coarsest(level: Level, steps: int) -> int:
+    return 1 if level.is_exact else steps
 
 
 def _residual(A: LinearOperator, x: Array, b: Array, r: Array) -> None:
