@@ -130,7 +130,7 @@ def test_without_coupling_the_traction_follows_the_shift(nu):
     _, g, result = circle(64, nu, shift=(0.04, 0.03))
     angle = result.traction[1] * 4 - result.traction[0] * 3
     assert_coulomb(result, Material.from_shear(1.0 - nu, nu))
-    assert (np.abs(angle).max() < 1e-8 * g.max()) == (nu == 0.0)
+    assert (np.abs(angle).max() < 1e-6 * g.max()) == (nu == 0.0)
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.28])
@@ -553,7 +553,7 @@ def test_the_work_of_slip_is_that_of_the_force_less_the_energy():
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_the_moment_is_about_the_middle_of_the_grid(nu):
     _, _, result = circle(32, nu, force=(0.02, 0.01))
-    assert_allclose(result.moment, 0.0, atol=1e-12)
+    assert_allclose(result.moment, 0.0, atol=1e-10)
     bound = np.zeros((8, 6))
     bound[1, 2] = np.inf
     one = friction(bound, (0.1, 0.2), material=Material.from_shear(1.0, nu), force=(2.0, 3.0))

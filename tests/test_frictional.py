@@ -467,5 +467,5 @@ def test_in_line_contact_forces_and_histories_may_be_lateral():
     more = frictional_contact(gap, 0.02, material=unlike, mu=0.3, force=54.0, previous=step)
     assert more.residual <= 1e-6
     lateral = more.tangential.traction[1]
-    assert lateral.min() >= 0.0
+    assert lateral.min() >= -1e-6 * lateral.max()
     assert lateral.max() > 0.0

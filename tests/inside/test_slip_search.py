@@ -10,14 +10,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from toeplitz_mg.contact import Material
+from toeplitz_mg.contact.dense import DenseMatrix
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Displacements, Products
-from toeplitz_mg.contact.steady_matrices import SteadyArray
 from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
 from toeplitz_mg.contact.tangential.given_loads import Loads, look
 from toeplitz_mg.contact.tangential.iteration import Iteration
+from toeplitz_mg.contact.tangential.newton import solve_on_tangents
 from toeplitz_mg.contact.tangential.problem import Problem, linearise
-from toeplitz_mg.contact.tangential.reduced import solve_on_tangents
 from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.engine.vectors import Vectors, gram
 
@@ -33,7 +33,7 @@ def bonded(shape):
     grid = grid_of(shape)
     K = Products(grid.steady(grid.tangential()), 100)
     b = np.random.default_rng(0).standard_normal((grid.components, *shape))
-    problem = Problem(grid, np.full(shape, np.inf), b, None, 1e-10)
+    problem = Problem(grid, np.full(shape, np.inf), b, 1e-10)
     nothing = np.empty((0, *b.shape))
     areas = Areas(np.ones(shape, bool), np.zeros(shape, bool))
     M = grid.invert_shifted(K.A, np.float64)
@@ -52,7 +52,7 @@ def test_on_given_areas_it_is_gmres(shape):
     krylov = [K(invert(b))]
     r = b
     for k in range(6):
-        v = step(look(problem, loads, areas, q, u), areas, q, u)
+        v, _, _ = step(look(problem, loads, areas, q, u), areas, q, u, 1.0)
         # Of the residuals that the Krylov space leaves it takes the least, and then the inverse.
         basis = np.array(krylov[:k]).reshape(k, b.size).T
         least = b.ravel() - basis @ np.linalg.lstsq(basis, b.ravel())[0]
@@ -69,9 +69,9 @@ def test_steps_that_go_round_in_a_circle_are_made_in_part(shape):
     problem, loads, areas, K, _ = bonded(shape)
     inverse = np.linalg.inv(K.A @ np.eye(K.A.shape[0]))
 
-    def twice_as_far(now, areas, q, u):
+    def twice_as_far(now, areas, q, u, eta):
         # Whole, it only turns what is wrong around.
-        return 2.0 * (inverse @ now.law.r.ravel()).reshape(q.shape)
+        return 2.0 * (inverse @ now.law.r.ravel()).reshape(q.shape), None, 1
 
     guess = np.zeros_like(problem.b), areas
     state = settle(problem, loads, K, guess, twice_as_far, patience=30)
@@ -84,18 +84,18 @@ def test_slip_along_the_traction_is_a_violation(sign):
     g = np.full((4, 3), 0.3)
     q, b = np.stack([g, 0.0 * g]), np.stack([sign * np.ones_like(g), 0.0 * g])
     slide = np.ones(g.shape, bool)
-    problem = Problem(grid_of(g.shape), g, b, None, 1e-8)  # Minus the slip is b - u.
+    problem = Problem(grid_of(g.shape), g, b, 1e-8)  # Minus the slip is b - u.
     found = linearise(problem, Areas(~slide, slide), q, np.zeros_like(q))
     assert found.residual == (0.0 if sign > 0.0 else 1.0)
 
 
-# Nothing slides, some, most, all: the unknowns are slips or tractions, whichever are fewer.
+# Nothing slides, some, most, all.
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 0.75, 0.9, 1.0])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_what_newtons_system_leaves_is_orthogonal_to_the_tangents(share, shape):
     rng, grid = np.random.default_rng(int(100 * share) + len(shape)), grid_of(shape)
     contact = rng.random(shape) < 0.8
-    K, m = SteadyArray(grid.steady(grid.tangential()), contact), np.count_nonzero(contact)
+    K, m = DenseMatrix(grid.steady(grid.tangential()), contact), np.count_nonzero(contact)
     slide = rng.permutation(m) < share * m
     q, r = rng.standard_normal((grid.components, m)), rng.standard_normal((3, grid.components, m))
     n = np.where(slide, q / np.linalg.norm(q, axis=0), 0.0)

@@ -9,9 +9,9 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array, Element, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
+from toeplitz_mg.contact.dense import DenseMatrix
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
 from toeplitz_mg.contact.kept import keep
-from toeplitz_mg.contact.steady_matrices import SteadyArray
 from toeplitz_mg.contact.window import Window, box_around, ends_of
 from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -226,16 +226,17 @@ class Grid:
         """Return the matrix of steady rolling, A - S with A and S = `tangential` and `upstream`."""
         return A - self.upstream()
 
-    def steady_array(self, contact: Mask) -> SteadyArray | None:
-        """Return the matrix of steady rolling as an array where it is small, or else None."""
+    def dense(self, contact: Mask, *, steady: bool) -> DenseMatrix | None:
+        """Return the matrix of shifted bodies, or of steady rolling, as an array if it is small."""
         if self.is_small and 0 < self.components * np.count_nonzero(contact) <= DENSE:
-            return self._steady_array(contact.tobytes())
+            return self._dense(contact.tobytes(), steady)
         return None
 
     @keep
-    def _steady_array(self, contact: bytes) -> SteadyArray:
-        K = self.steady(self.tangential())
-        return SteadyArray(K, np.frombuffer(contact, bool).reshape(self.shape))
+    def _dense(self, contact: bytes, steady: bool) -> DenseMatrix:
+        A = self.tangential()
+        A = self.steady(A) if steady else A
+        return DenseMatrix(A, np.frombuffer(contact, bool).reshape(self.shape))
 
     @keep
     def invert_shifted(self, K: Any, dtype: DTypeLike) -> Any:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.dense import LEAST_UNIT, MOST_UNIT
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.steady_matrices import LEAST_UNIT, MOST_UNIT
 from toeplitz_mg.operators import ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.base import library_for
 from toeplitz_mg.preconditioners.choice import is_fsai_kept, is_fsai_worthwhile

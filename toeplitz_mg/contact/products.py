@@ -115,7 +115,9 @@ class Displacements:
         """Compute the displacements from all of the tractions."""
         self.u, self.lost = self._K(self._q), 0.0
 
-    def follow(self, q: Array, change: float, allowed: float) -> None:
+    def follow(
+        self, q: Array, change: float, allowed: float, by: tuple[Array, Array] | None = None
+    ) -> None:
         """Go on to other tractions.
 
         Parameters
@@ -125,13 +127,22 @@ class Displacements:
             About how large the change of the displacements is.
         allowed : float
             What the displacements may be off by in the end.
+        by : (ndarray, ndarray), optional
+            A part of the change of the tractions, and its displacements, where these are known.
         """
         before, self._q = self._q, q
+        if by is not None:
+            before = before + by[0]
+            self.u = self.u + by[1]
+            self.lost += LOST * self._K.vectors.max(np.abs(by[1]))
+        dq = q - before
+        largest = self._K.vectors.max(np.abs(dq))
+        if by is not None and largest == 0.0:
+            return
         if not self._is_single or (self.lost > allowed and LOST * change <= SMALL * allowed):
             self.renew()
             return
-        dq = q - before
-        largest = self._K.vectors.max(np.abs(dq)) or 1.0
+        largest = largest or 1.0
         du = largest * self._K((dq / largest).astype(np.float32))
         self.u = self.u + du
         self.lost += LOST * self._K.vectors.max(np.abs(du))

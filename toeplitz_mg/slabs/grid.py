@@ -157,8 +157,8 @@ class SlabGrid:
         """Return the matrix of steady rolling."""
         return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
 
-    def steady_array(self, contact: Mask) -> None:
-        """Say that the matrix of steady rolling is no array, as no rank has all of it."""
+    def dense(self, contact: Mask, *, steady: bool) -> None:
+        """Say that a matrix is no array, as no rank has all of it."""
 
     def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> ShiftedInverses:
         """Return approximate inverses of the matrix of steady rolling with additions."""

@@ -1,6 +1,7 @@
 """Fields without their part in a few others, such as tractions that change no load."""
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array
@@ -34,6 +35,13 @@ class Complement:
         self._added = fields if weights is None else fields * weights
         gram = np.array([inner_products(fields, f, vectors) for f in self._added])
         self._inverse = _invert(gram) if len(fields) else np.zeros((0, 0))
+
+    def astype(self, dtype: DTypeLike) -> "Complement":
+        """Return the same with fields in another precision."""
+        other = object.__new__(Complement)
+        other.__dict__.update(self.__dict__)
+        other._fields, other._added = (x.astype(dtype) for x in (self._fields, self._added))
+        return other
 
     def coordinates(self, v: Array) -> Array:
         """Return the weights of the fields in the combination of them that is nearest to v."""

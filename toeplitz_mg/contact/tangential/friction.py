@@ -27,10 +27,11 @@ from toeplitz_mg.contact.result import (
     check_converged,
     touches_edge,
 )
-from toeplitz_mg.contact.tangential.coulomb import clip, project, sum_components
-from toeplitz_mg.contact.tangential.problem import Problem, State, drop_rounding
+from toeplitz_mg.contact.tangential.coulomb import clip, sum_components
+from toeplitz_mg.contact.tangential.given_loads import Loads
+from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
+from toeplitz_mg.contact.tangential.shifted import solve
 from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, is_field, slide_off
-from toeplitz_mg.contact.tangential.stick_slip import solve
 from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import refuse_masked
@@ -230,13 +231,17 @@ def shift_bodies(
             b, least = b + u, vectors.max(np.abs(u))
         if total is not None:
             least = max(least, _displace_by_mean(window.grid, products.A, g, total, before))
-        problem = Problem(window.grid, g, b, total, asked.tolerance, least, progress)
+        problem = Problem(window.grid, g, b, asked.tolerance, least, progress)
+        loads = Loads.of_sums(total, b)
         if all_slides:
-            state, slip = slide_off(problem, products)
+            assert total is not None
+            state, slip = slide_off(problem, total, products)
         else:
             if previous is not None:
-                guess = project(clip(before, g), g, total, vectors)
-            state, slip = solve(problem, products, guess, nested=asked.nested), None
+                guess = admit(problem, clip(before, g), np.zeros(g.shape, bool))
+            state, slip = solve(problem, loads, products, guess, nested=asked.nested), None
+            if total is None:
+                state = replace(state, shift=np.zeros(len(b)))
     state, slip, count, units = window.same((state, slip, products.count, products.units(work)))
     result = make_result(problem, state, window, count, units, slip)
     moved = result.shift

@@ -16,8 +16,9 @@ from toeplitz_mg.contact.tangential.complement import Complement, inner_products
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
     Tangent,
+    clip,
     direction,
-    make_admissible,
+    scale_to_bound,
     size,
 )
 from toeplitz_mg.contact.tangential.motion import BeyondBound
@@ -48,6 +49,61 @@ class Loads:
     units: Array
     arms: Array
     wanted: Array
+
+    @classmethod
+    def of_sums(cls, total: Array | None, like: Array) -> "Loads":
+        """Return loads that are sums of the tractions, which a uniform shift of each belongs to.
+
+        Parameters
+        ----------
+        total : ndarray of shape (components,) or None
+            The sums; NaN in a component in which none is given.
+        like : ndarray of shape (components, ...)
+            A field.
+        """
+        total = np.full(len(like), np.nan) if total is None else total
+        given = np.flatnonzero(total == total)
+        units = np.zeros((len(given), *like.shape))
+        units[np.arange(len(given)), given] = 1.0
+        return cls(units, units, total[given])
+
+    def restrict(self, C: Array) -> "Loads":
+        """Return the loads of the elements in contact only, as one axis."""
+        return Loads(self.units[..., C], self.arms[..., C], self.wanted)
+
+    def spread(self, g: Array, vectors: Vectors) -> Array:
+        """Return tractions with these loads in proportion to the bound; bonded elements' first."""
+        bonded = np.isinf(g)
+        share = bonded.astype(np.float64) if vectors.count(bonded) else g
+        return Complement(self.arms, vectors, share).reach(self.wanted)
+
+    def project(self, q: Array, g: Array, vectors: Vectors) -> Array:
+        """Return the nearest tractions within a bound that have these loads."""
+        q = np.where(g > 0.0, q, 0.0)
+        if not len(self.wanted):
+            return clip(q, g)
+        from scipy.optimize import minimize  # It is slow to import.
+
+        # They are q + c arms, clipped, with c the least of a convex function: its slope is what
+        # the loads lack.
+        lengths = np.sqrt([vectors.dot(arm, arm) for arm in self.arms])
+        arms = self.arms / lengths.reshape(-1, *(1,) * q.ndim)
+        unit = np.sqrt(vectors.dot(q, q)) or 1.0
+        wanted = self.wanted / lengths / unit
+
+        def of(c: Array) -> Array:
+            return clip(q + vectors.combine(c * unit, arms), g)
+
+        def fall(c: Array) -> tuple[float, Array]:
+            z = (q + vectors.combine(c * unit, arms)) / unit
+            inside = clip(z, g / unit)
+            value = vectors.dot(inside, z - 0.5 * inside) - c @ (self.wanted / lengths / unit)
+            return float(value), inner_products(
+                arms, inside, vectors
+            ) - self.wanted / lengths / unit
+
+        found = minimize(fall, np.zeros(len(arms)), jac=True, options={"gtol": CARRIED})
+        return of(found.x)
 
     @cached_property
     def _lengths(self) -> Array:
@@ -206,7 +262,7 @@ def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Lo
         law = linearise(problem, areas, q, u)
         nothing = Complement(loads.units, vectors)
         return Look(law, loads.wanted, problem.b, nothing, loads.wanted, law.residual)
-    T = Tangent(areas, q, vectors, balanced=())
+    T = Tangent(areas, q)
     of_slip, creepages, b = _suit(problem, loads, T, u)
     law = linearise(replace(problem, b=b), areas, q, u, T)
     missing, error = loads.missing(q, vectors), loads.error(q, vectors)
@@ -215,7 +271,9 @@ def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Lo
 
 def find_displacements(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Array:
     """Return the displacements, were there no slip, with the creepages that suit tractions best."""
-    return _suit(problem, loads, Tangent(areas, q, problem.vectors, balanced=()), u)[-1]
+    if not len(loads.wanted):
+        return problem.b
+    return _suit(problem, loads, Tangent(areas, q), u)[-1]
 
 
 def _suit(problem: Problem, loads: Loads, T: Tangent, u: Array) -> tuple[Complement, Array, Array]:
@@ -240,7 +298,7 @@ def carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:
     for _ in range(CARRYING if len(loads.wanted) else 0):
         if loads.error(q, vectors) <= CARRIED:
             break
-        T = Tangent(areas, q, vectors, balanced=())
+        T = Tangent(areas, q)
         v = complement(loads.arms, T, vectors, problem.carriers).reach(loads.missing(q, vectors))
-        q, _ = make_admissible(q + v, problem.g, areas, areas.slide, None, vectors)
+        q = scale_to_bound(q + v, problem.g, areas.slide)
     return q

@@ -55,8 +55,10 @@ class Iteration:
         self._before: tuple[Array, Array] | None = None
         self._slide: Array | None = None
 
-    def __call__(self, now: Look, areas: Areas, q: Array, u: Array) -> Array:
-        """Return a change of the tractions q, whose displacements are u."""
+    def __call__(
+        self, now: Look, areas: Areas, q: Array, u: Array, eta: float
+    ) -> tuple[Array, None, int]:
+        """Return a change of the tractions q, whose displacements are u (see `settling.Step`)."""
         law, vectors, M = now.law, self._problem.vectors, self._M
         dq, du = self._remember(q, u)
         T = law.T.astype(M.dtype)
@@ -83,7 +85,7 @@ class Iteration:
             v = of_tractions(v)
             if self._loads.error(q, vectors) > CARRIED:
                 v += of_tractions.reach(now.missing)
-        return v
+        return v, None, 1
 
     def _remember(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Return the last changes of tractions and of displacements, with those to q and u."""

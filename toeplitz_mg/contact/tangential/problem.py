@@ -8,7 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import for_coarser_grids
-from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, along, make_admissible, size
+from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, along, scale_to_bound, size
 from toeplitz_mg.engine.vectors import Vectors
 
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
@@ -41,9 +41,7 @@ class Problem:
     g : ndarray
         Traction bound.
     b : ndarray of shape (components, ...)
-        The displacements, were there no slip. With a total they lack a uniform shift.
-    total : ndarray of shape (components,) or None
-        Sum of the tractions, where the force is given; NaN in a component where it is not.
+        The displacements, were there no slip, by what is given of the motion.
     tolerance : float
         The violation that is allowed, over the largest displacement or `least`.
     least : float
@@ -54,7 +52,6 @@ class Problem:
     grid: Grid
     g: Array
     b: Array
-    total: Array | None
     tolerance: float
     least: float = 0.0
     progress: Progress | None = None
@@ -65,9 +62,8 @@ class Problem:
         if grid is None:
             return None
         g, b = self.grid.coarsen(self.g), self.grid.coarsen(self.b)
-        total = None if self.total is None else self.total * (self.grid.area / grid.area)
         progress = for_coarser_grids(self.progress)
-        return Problem(grid, g, b, total, COARSE, self.least, progress)
+        return Problem(grid, g, b, COARSE, self.least, progress)
 
     def restrict(self, C: Array) -> "Problem":
         """Return the problem on the elements in contact only, as one axis."""
@@ -94,19 +90,12 @@ class Problem:
 
     @cached_property
     def largest(self) -> float:
-        """The largest displacement, were there no slip, where no force is given."""
+        """The largest displacement, were there no slip."""
         return self.largest_of(self.b)
 
     def largest_of(self, u: Array) -> float:
         """Return the largest of some displacements in contact."""
         return self.vectors.max(np.where(self.g > 0.0, size(u), 0.0))
-
-    @property
-    def balanced(self) -> tuple[int, ...]:
-        """The components whose sum is given."""
-        if self.total is None:
-            return ()
-        return tuple(k for k, F in enumerate(self.total.tolist()) if F == F)
 
     def uniform(self, vector: Array) -> Array:
         """Return the components of a vector, to broadcast with fields."""
@@ -116,14 +105,10 @@ class Problem:
         """Return the largest amount by which the tractions exceed the bound, or zero."""
         return max(0.0, self.vectors.max(size(q) - self.g))
 
-    def balance(self, T: Tangent, s: Array) -> Array:
-        """Return minus a slip, less the shift that belongs to it where the force is given."""
-        return s if self.total is None else s - self.uniform(T.multiplier(s))
-
 
 @dataclass(frozen=True)
 class State:
-    """Tractions, displacements, areas, and the shift that belongs to a force."""
+    """Tractions, displacements, areas, and the unknown creepages, or the shift, of given loads."""
 
     q: Array
     u: Array
@@ -151,9 +136,8 @@ class Linearisation:
     Attributes
     ----------
     T : Tangent
-    shift : ndarray of shape (components,)
     minus_slip : ndarray
-        b + shift - A q.
+        b - A q.
     stiffness : ndarray
         λ = |s|/g where it slides against the traction.
     r : ndarray
@@ -165,7 +149,6 @@ class Linearisation:
     """
 
     T: Tangent
-    shift: Array
     minus_slip: Array
     stiffness: Array
     r: Array
@@ -181,27 +164,15 @@ def linearise(
     The directions T in which they may change may be known.
     """
     vectors = problem.vectors
-    T = T or Tangent(areas, q, vectors, balanced=problem.balanced)
-    if problem.total is None:
-        shift, target, largest = np.zeros(len(q)), problem.b, problem.largest
-    else:
-        shift = T.multiplier(u - problem.b)
-        target = problem.b + problem.uniform(shift)
-        largest = problem.largest_of(target)
-    minus_slip = target - u
+    T = T or Tangent(areas, q)
+    minus_slip = problem.b - u
     against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction.
-    r = T.project(minus_slip, against)
-    scale = max(problem.least, largest)
+    r = T(minus_slip, against)
+    scale = max(problem.least, problem.largest)
     violation = max(vectors.max(size(r)), -vectors.min(against))
     residual = violation / scale if scale > 0.0 else np.inf if violation > 0.0 else 0.0
     stiffness = np.maximum(against, 0.0) / problem.divisor
-    return Linearisation(T, shift, minus_slip, stiffness, r, scale, residual)
-
-
-def refine_guess(problem: Problem, coarse: State) -> tuple[Array, Areas]:
-    """Return admissible tractions and areas from those of a coarser grid."""
-    refine = problem.grid.refine
-    return admit(problem, refine(coarse.q), refine(coarse.areas.slide.astype(np.float64)) > 0.5)
+    return Linearisation(T, minus_slip, stiffness, r, scale, residual)
 
 
 def admit(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
@@ -210,5 +181,4 @@ def admit(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
     contact = g > 0.0
     q = np.where(contact, q, 0.0)
     slide = slide & contact & np.isfinite(g) & (size(q) > 0.0)
-    areas = Areas(contact & ~slide, slide)
-    return make_admissible(q, g, areas, slide, problem.total, problem.vectors)
+    return scale_to_bound(q, g, slide), Areas(contact & ~slide, slide)

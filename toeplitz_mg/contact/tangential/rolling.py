@@ -260,7 +260,7 @@ def roll(
         products = Products(grid.steady(A), asked.max_products)
         # What is left of parts that cancel each other may be their rounding.
         least = ROUNDING / asked.tolerance * h * given
-        problem = Problem(grid, g, b, None, asked.tolerance, least, progress)
+        problem = Problem(grid, g, b, asked.tolerance, least, progress)
         start = _admit_guess(problem, loads, window, before)
         state = find_steady_state(
             problem, products, loads, guess=start, nested=asked.nested, options=asked.options

@@ -1,19 +1,25 @@
-"""Changes of tractions and areas, until stick and slip settle in the steady state of rolling.
+"""The search for the areas of stick and slip: of bodies that are shifted, and of bodies that roll.
 
-The areas are those of `stick_slip`, with K = A - S in the place of A. As K is not symmetric, there
-is no energy that each change of the areas should lower (`active_sets`): progress is a smaller
-residual.
+The elements that stick, and those that slide, are two sets. While these are fixed, Newton's method
+linearises Coulomb's law: on an element that slides the traction turns on the circle |q| = g, and
+the slip resists that with λ = |s|/g, so that a step v of the tractions solves
+
+    Tᵀ (K + Λ) T v = Tᵀ (b - K q)
+
+with T the tangent vectors. Each step is solved as far as the sets are known to be right, then the
+sets change. K is A of bodies that are shifted, and A - S of bodies that roll steadily; what makes a
+step of it is `conjugate`, `iteration` or `newton`. Progress is a smaller residual.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Displacements, Products
-from toeplitz_mg.contact.tangential.coulomb import Areas, along, make_admissible, size
+from toeplitz_mg.contact.tangential.coulomb import Areas, along, scale_to_bound, size
 from toeplitz_mg.contact.tangential.given_loads import (
     Loads,
     Look,
@@ -25,11 +31,23 @@ from toeplitz_mg.contact.tangential.problem import Problem, State
 
 EXACT = 0.1  # Part of the tolerance by which displacements in the end may be off.
 HOPE = 5  # Steps without progress, after which each is made in part only.
+UNCARRIED = 1e-3  # Part of the loads that the areas do not carry, beyond which others must.
+TIGHTER = 0.1  # Factor of the misfit that a step leaves, at one without progress.
+LEAST_ETA = 1e-4  # Least misfit that a step leaves, over what is wrong with the sets.
 DAMPED = 0.5  # That part.
 BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
 
-# From what is wrong with tractions in some areas, these, and their displacements, a change of them.
-Step = Callable[[Look, Areas, Array, Array], Array]
+
+class Step(Protocol):
+    """What makes a step of Newton's method, as if the areas were fixed."""
+
+    def __call__(
+        self, now: Look, areas: Areas, q: Array, u: Array, eta: float
+    ) -> tuple[Array, Array | None, int]:
+        """Return a change of the tractions, its displacements where known, and the iterations.
+
+        The misfit that it leaves may be `eta` times what is wrong with the areas.
+        """
 
 
 def settle(
@@ -47,13 +65,12 @@ def settle(
     ----------
     problem : Problem
     loads : Loads
-        The loads that are given in the place of creepages.
+        The loads that are given in the place of a shift or of creepages.
     K : Products
-        Products with A - S.
+        Products with A, or with A - S.
     guess : (ndarray, Areas)
         Admissible tractions and areas.
-    step : callable
-        A change of the tractions, as if the areas were fixed.
+    step : Step
     patience : int
         Changes of the areas without a smaller residual, after which it is given up.
     dtype : float32 or float64
@@ -62,12 +79,13 @@ def settle(
     Returns
     -------
     State
-        Its shift is the unknown creepages.
+        Its shift is the unknown creepages, or the shift.
     """
-    g, vectors, (q, areas) = problem.g, problem.vectors, guess
+    g, (q, areas) = problem.g, guess
     q = carry(problem, loads, areas, q)
     displacements = Displacements(K, q, dtype)
-    best, left, steps = None, patience, 0
+    best, left = None, patience
+    iterations: tuple[int, ...] = ()
     while True:
         now = look(problem, loads, areas, q, displacements.u)
         allowed = EXACT * problem.tolerance * now.law.scale
@@ -75,28 +93,31 @@ def settle(
             displacements.renew()
             continue
         left = patience if best is None or now.residual < BETTER * best.residual else left - 1
-        state = State(q, displacements.u, areas, now.creepages, now.residual, (steps,))
+        state = State(q, displacements.u, areas, now.creepages, now.residual, iterations)
         if best is None or state.residual < best.residual:
             best = state
         if K.exhausted:  # It is the last search.
-            return replace(best, iterations=(steps,))
+            return replace(best, iterations=iterations)
         if now.residual <= problem.tolerance or left == 0:
             return state
         K.progress, K.residual = problem.progress, now.residual
         change = now.residual * now.law.scale
-        v = step(now, areas, q, displacements.u)
-        # Whole steps may go round in a circle, where elements turn out wrong in either area.
-        q = q + (v if left > patience - HOPE else DAMPED * v)
-        steps += 1
+        eta = max(TIGHTER ** (patience - left), LEAST_ETA)
+        v, Kv, count = step(now, areas, q, displacements.u, eta)
+        iterations = (*iterations, count)
+        if left <= patience - HOPE:
+            # Whole steps may go round in a circle, where elements turn out wrong in either area.
+            v, Kv = DAMPED * v, Kv if Kv is None else DAMPED * Kv
+        q = q + v
         out = areas.stick & (size(q) > g)
-        q, _ = make_admissible(q, g, areas, areas.slide | out, None, vectors)
-        b = now.b
-        if len(loads.wanted):
-            stuck = areas.exchange(out, np.zeros_like(out))
-            q = carry(problem, loads, stuck, q)
-            displacements.follow(q, change, allowed)
-            b = find_displacements(problem, loads, stuck, q, displacements.u)
-        else:
-            displacements.follow(q, change, allowed)
+        q = scale_to_bound(q, g, areas.slide | out)
+        stuck = areas.exchange(out, np.zeros_like(out))
+        q = carry(problem, loads, stuck, q)
+        if loads.error(q, problem.vectors) > UNCARRIED:
+            q = loads.project(q, g, problem.vectors)
+            areas, out = Areas.of(q, g), np.zeros_like(out)
+            stuck = areas
+        displacements.follow(q, change, allowed, None if Kv is None else (v, Kv))
+        b = find_displacements(problem, loads, stuck, q, displacements.u)
         back = areas.slide & (along(b - displacements.u, now.law.T.n) < 0.0)
         areas = areas.exchange(out, back)

@@ -18,14 +18,13 @@ from toeplitz_mg.contact.tangential.coulomb import (
 from toeplitz_mg.contact.tangential.problem import Problem, State
 
 
-def slide_off(problem: Problem, A: Products) -> tuple[State, Array]:
-    """Return the state in which all slides along the force, and the slip.
+def slide_off(problem: Problem, total: Array, A: Products) -> tuple[State, Array]:
+    """Return the state in which all slides along a force, the sum of the tractions, and the slip.
 
     The shift is the one at which the last element begins to slide along the force.
     """
-    assert problem.total is not None
     contact, vectors = problem.g > 0.0, problem.vectors
-    n = np.broadcast_to(direction(problem.uniform(problem.total)), problem.b.shape)
+    n = np.broadcast_to(direction(problem.uniform(total)), problem.b.shape)
     q = scale_to_bound(n, problem.g, contact)
     u = A(q)
     ahead = np.where(contact, u - problem.b, 0.0)
@@ -35,7 +34,7 @@ def slide_off(problem: Problem, A: Products) -> tuple[State, Array]:
         farthest = vectors.max(np.where(contact, forwards, -np.inf))
         # Across the force the shift is the mean of what the elements do.
         across = sum_components(ahead - forwards * n, vectors) / elements
-        shift = across + farthest * direction(problem.total)
+        shift = across + farthest * direction(total)
         forwards = np.where(contact, forwards - farthest, 0.0)
     areas = Areas(np.zeros_like(contact), contact)
     return State(q, u, areas, shift, residual=0.0), forwards * n

@@ -1,6 +1,6 @@
 """The steady state of rolling, directly: the areas of stick and slip for a matrix not symmetric.
 
-Of few elements the matrix is an array (`direct`); of many, approximate inverses and acceleration do
+Of few elements the matrix is an array (`newton`); of many, approximate inverses and acceleration do
 (`iteration`). Of few the search starts from the leading edge, of many from the solution on elements
 of twice the size. Where the areas do not settle, rolling step by step leads on, and where loads are
 given a search for their creepages (`searching`).
@@ -20,23 +20,22 @@ about as many products as one by creepage.
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.dense import LEAST_UNIT, MOST_UNIT
 from toeplitz_mg.contact.grid import COARSEST
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.steady_matrices import LEAST_UNIT, MOST_UNIT
 from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
-from toeplitz_mg.contact.tangential.direct import find_directly
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.iteration import Iteration
 from toeplitz_mg.contact.tangential.near_sliding import guess_sliding
+from toeplitz_mg.contact.tangential.newton import find_directly
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, largest_bound
 from toeplitz_mg.contact.tangential.searching import search_creepages
 from toeplitz_mg.contact.tangential.settling import settle
-from toeplitz_mg.contact.tangential.stick_slip import COARSE_PRODUCTS, solve
+from toeplitz_mg.contact.tangential.shifted import COARSE_PRODUCTS, coarsen_each, solve
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count
 
@@ -115,7 +114,7 @@ def find_steady_state(
     patience = options.patience
     iterations: tuple[int, ...] = ()
     best: State | None = None
-    array = problem.grid.steady_array(problem.g > 0.0)
+    array = problem.grid.dense(problem.g > 0.0, steady=True)
     grid = problem.grid
     # What is not solved directly has at least that for a coarser grid which is.
     coarsest = 1 if array is None else COARSEST
@@ -130,8 +129,8 @@ def find_steady_state(
     if array is not None:
         state = find_directly(problem, loads, K, array, guess, patience)
         if state.residual <= problem.tolerance or K.exhausted:
-            return state
-        best, guess, iterations = state, (state.q, state.areas), state.iterations
+            return replace(state, iterations=(sum(state.iterations),))
+        best, guess, iterations = state, (state.q, state.areas), (sum(state.iterations),)
     k0 = grid.diagonal(K.A)
     M = grid.invert_shifted(K.A, np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64)
     if guess is None:
@@ -140,7 +139,7 @@ def find_steady_state(
     while True:
         step = Iteration(problem, loads, M, depth)
         state = settle(problem, loads, K, guess, step, patience, M.dtype)
-        iterations += state.iterations
+        iterations += (sum(state.iterations),)
         best = state if best is None or state.residual < best.residual else best
         if state.residual <= problem.tolerance or K.exhausted:
             return replace(best, iterations=iterations)
@@ -188,7 +187,7 @@ def _guess_from_coarser_grids(
     fine, grid = problem.grid, coarse.grid
     longer = grid.element[0] / fine.element[0]
     coarse = replace(coarse, b=coarse.b * longer)
-    units, arms = (_coarsen_each(fine, fields, coarse.b) for fields in (loads.units, loads.arms))
+    units, arms = (coarsen_each(fine, fields, coarse.b) for fields in (loads.units, loads.arms))
     loads = Loads(longer * units, grid.area / fine.area * arms, loads.wanted)
     K = Products(grid.steady(grid.tangential()), COARSE_PRODUCTS)
     state = find_steady_state(coarse, K, loads, nested=True, options=options)
@@ -212,11 +211,6 @@ def _measure_distance(problem: Problem, state: State, k0: float) -> Array:
     return np.where(g > 0.0, distance, 0.0)
 
 
-def _coarsen_each(grid: Any, fields: Array, like: Array) -> Array:
-    """Return the averages of fields on the coarser grid."""
-    return np.array([grid.coarsen(f) for f in fields]).reshape(len(fields), *like.shape)
-
-
 def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
     """Roll over the length of the grid step by step (Eq. 8): slow, but towards the steady state."""
     A, S = problem.grid.tangential(), problem.grid.upstream()
@@ -225,7 +219,8 @@ def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
         products = Products(A, K.limit - K.count)
         tolerance = max(problem.tolerance, STEP_TOLERANCE)
         step = replace(problem, b=b, tolerance=tolerance, progress=K.tell_more)
-        q = solve(step, products, clip(q, problem.g), nested=False).q
+        guess = admit(step, clip(q, step.g), np.zeros(step.g.shape, bool))
+        q = solve(step, Loads.of_sums(None, q), products, guess, nested=False).q
         K.count += products.count + 1
         if K.exhausted:
             break

@@ -21,11 +21,12 @@ from toeplitz_mg.contact.checks import check_iteration, check_previous, check_ro
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.tangential.coulomb import clip, project
+from toeplitz_mg.contact.tangential.coulomb import clip
+from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
-from toeplitz_mg.contact.tangential.problem import Problem, drop_rounding
+from toeplitz_mg.contact.tangential.problem import Problem, admit, drop_rounding
 from toeplitz_mg.contact.tangential.rolling import make_rolling_result
-from toeplitz_mg.contact.tangential.stick_slip import solve
+from toeplitz_mg.contact.tangential.shifted import solve
 from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
@@ -168,7 +169,7 @@ def roll_steps(
     about = doubts.examine_bound(grid, g > 0.0)
     window = grid.window((g > 0.0) | q.any(axis=0), MARGIN)
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
-    vectors = grid.vectors
+    vectors, loads = grid.vectors, Loads.of_sums(total, q)
 
     doubts.warn(about, within=1)
 
@@ -179,13 +180,13 @@ def roll_steps(
                 products = Products(A, asked.max_products)
                 b = apply_to_rows(S, q.reshape(-1)).reshape(q.shape) - w
                 least = vectors.max(np.abs(w))
-                problem = Problem(grid, g, b, total, tolerance, least, progress)
-                guess = project(clip(q, g), g, total, vectors)
-                state = solve(problem, products, guess, nested=False)
+                problem = Problem(grid, g, b, asked.tolerance, least, progress)
+                guess = admit(problem, clip(q, g), np.zeros(g.shape, bool))
+                state = solve(problem, loads, products, guess, nested=False)
             cost = products.count + 1, products.units(work)
             state, cost = window.same((state, cost))
-            q, slip = state.q, (state.u - b - problem.uniform(state.shift)) / h
-            found = motion.complete(-state.shift[unknown] / h)
+            q, slip = state.q, (state.u - b - vectors.combine(state.shift, loads.units)) / h
+            found = motion.complete(-state.shift / h)
             result = make_rolling_result(
                 motion, problem, state, window, cost, slip, found, is_steady=False
             )

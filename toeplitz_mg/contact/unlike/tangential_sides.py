@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,9 +11,10 @@ from toeplitz_mg.contact.checks import SLIDES
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.result import TangentialResult
-from toeplitz_mg.contact.tangential import stick_slip
 from toeplitz_mg.contact.tangential.friction import make_result
+from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
+from toeplitz_mg.contact.tangential.shifted import solve
 from toeplitz_mg.contact.tangential.shifting import slide_off
 from toeplitz_mg.contact.unlike.coupling import Coupling, add_displacements, bound_of
 from toeplitz_mg.contact.window import MARGIN, Window
@@ -87,14 +87,15 @@ class Shifting:
             window.grid,
             window.cut(g),
             window.cut(b),
-            self.total,
             self.tolerance,
             self.least,
             self.report,
         )
         products = Products(self.matrix, self.max_products)
-        solve = slide_off if self._slides(g) else partial(self._solve, window)
-        state, slip = solve(problem, products)
+        if self.total is not None and self._slides(g):
+            state, slip = slide_off(problem, self.total, products)
+        else:
+            state, slip = self._solve(window, problem, products), None
         self.products += products.count
         self.report.add(products.count, self.max_products)
         self.found = Found(problem, state, window, slip)
@@ -109,15 +110,14 @@ class Shifting:
         result = make_result(problem, state, window, self.products, 0.0, slip)
         return add_displacements(result, self.coupling.along(p), self.grid)
 
-    def _solve(
-        self, window: Window, problem: Problem, products: Products
-    ) -> tuple[State, Array | None]:
-        """Return the state of stick and slip, whose slip is that of its displacements."""
-        guess, areas = None, None
+    def _solve(self, window: Window, problem: Problem, products: Products) -> State:
+        """Return the state of stick and slip."""
+        guess, loads = None, Loads.of_sums(self.total, problem.b)
         if self.q is not None:
             slide = np.zeros(self.grid.shape, bool) if self.slide is None else self.slide
-            guess, areas = admit(problem, window.cut(self.q), window.cut(slide))
-        return stick_slip.solve(problem, products, guess, nested=self.nested, areas=areas), None
+            guess = admit(problem, window.cut(self.q), window.cut(slide))
+        state = solve(problem, loads, products, guess, nested=self.nested)
+        return state if len(loads.wanted) else replace(state, shift=np.zeros(len(problem.b)))
 
     def _slides(self, g: Array) -> bool:
         """Whether the given force is all that a bound carries, or more."""
