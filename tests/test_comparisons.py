@@ -23,6 +23,7 @@ from comparisons.preconditioners import areas, symbols
 from comparisons.preconditioners.__main__ import main as preconditioners
 from comparisons.reliability import __main__ as reliability
 from comparisons.systems import masks, random_matrices
+from tests.budgets import assert_within_budget
 from tests.test_docs import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
@@ -162,6 +163,14 @@ def test_symbols(tmp_path, capsys):
     assert 0 < int(iterations) < int(second["T. Chan"]) < 100
     assert float(ratio.removesuffix(" x")) > 1.0
     assert float(residual) <= 1.01e-8
+
+
+def test_trials(tmp_path, capsys):
+    run(preconditioners, tmp_path, capsys, "--parts", "trials", quick={"trials": {"sizes": (26,)}})
+    for row in report.read_csv(tmp_path / "trials.csv"):
+        # Ten iterations, and what it takes to make what is compared.
+        assert_within_budget("set-up of default, a trial", work_units=row["trial"])
+        assert row["default"] <= 4 * row["none"]
 
 
 def test_areas(tmp_path, capsys):

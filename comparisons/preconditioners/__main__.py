@@ -1,7 +1,8 @@
 """Every preconditioner on areas and on symbols.
 
 `areas` are contact areas of every kind, `symbols` Toeplitz matrices of one axis of every kind;
-`picture` draws pressures on the areas. ``--parts`` chooses among them.
+`trials` matrices of which a trial chooses the preconditioner; `picture` draws pressures on the
+areas. ``--parts`` chooses among them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,14 +12,20 @@ from typing import Any
 from comparisons.harness import report
 from comparisons.harness.measuring import PRECONDITIONERS
 from comparisons.harness.processes import prepare
-from comparisons.preconditioners import areas, symbols
+from comparisons.preconditioners import areas, symbols, trials
 
 Part = Callable[..., None]  # Takes the folder, and its sizes by name.
-PARTS: dict[str, Part] = {"areas": areas.run, "symbols": symbols.run, "picture": areas.draw}
+PARTS: dict[str, Part] = {
+    "areas": areas.run,
+    "symbols": symbols.run,
+    "trials": trials.run,
+    "picture": areas.draw,
+}
 FULL: dict[str, dict[str, Any]] = {part: {} for part in PARTS}
 QUICK: dict[str, dict[str, Any]] = {
     "areas": {"sizes": (32,), "lines": (2048,), "methods": ("none", "cosine", "FSAI", "default")},
     "symbols": {"sizes": (2**8,)},
+    "trials": {"sizes": (32,)},
     "picture": {"n": 16},
 }
 

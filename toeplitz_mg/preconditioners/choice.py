@@ -49,8 +49,8 @@ from toeplitz_mg.values import count
 FEW, SMOOTH, _ = NUMBERS
 
 # The constants that choose. `python -m comparisons.preconditioners` measures both sides of the
-# first two, and of DIRECT, and `python -m comparisons.theory` those of active sets, by the products
-# on rough surfaces.
+# first three, and of DIRECT, its part `trials` those of a trial, and `python -m comparisons.theory`
+# those of active sets, by the products on rough surfaces.
 LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the calls of FSAI.
 COMPACT = 5.0  # Largest `fragmentation` of one blob.
 HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ of a spectral factor of a symbol that is of use.
@@ -275,6 +275,11 @@ class Facts:
         return is_quick and traits.fragmentation(mask.reshape(shape)) <= COMPACT
 
     @property
+    def may_be_fsai(self) -> bool:
+        """Whether it is FSAI: on a mask at once, on a grid where cosine is refused."""
+        return self.suits_fsai and not (self.is_line or self.suits_sine)
+
+    @property
     def has_slow_transforms(self) -> bool:
         """Whether a length is slow for transforms, for which the cosine takes twice the iterations.
 
@@ -399,26 +404,20 @@ ROWS = (
     Row(sine_preconditioner, "one blob on a small grid, and one solve", lambda f: f.suits_sine),
     Row(
         fsai_preconditioner,
-        f"a line, fragments or a large grid, and one solve; {FEW} neighbours",
-        lambda f: f.is_mask and f.suits_fsai and not (f.suits_sine or f.is_worth_set_up),
+        f"one solve; {FEW} neighbours",
+        lambda f: f.may_be_fsai and not f.is_worth_set_up,
         lambda f: quick_fsai,
     ),
     Row(
         fsai_preconditioner,
-        "as many neighbours as the kernel needs",
-        lambda f: f.suits_fsai and (f.is_grid or (f.is_mask and f.is_worth_set_up)),
+        "more solves; as many neighbours as the kernel needs",
+        lambda f: f.may_be_fsai and f.is_worth_set_up,
     ),
     Row(
         fsai_preconditioner,
         f"{SMOOTH} neighbours, for a smooth kernel",
-        lambda f: f.suits_fsai and not (f.is_line or f.suits_sine),
+        lambda f: f.may_be_fsai,
         lambda f: partial(fsai_preconditioner, neighbours=SMOOTH),
-    ),
-    Row(
-        fsai_preconditioner,
-        f"{FEW} neighbours",
-        lambda f: f.suits_fsai and f.is_grid,
-        lambda f: quick_fsai,
     ),
     Row(chan_preconditioner, "whatever the kernel", lambda f: f.is_complex and not f.is_line),
 )

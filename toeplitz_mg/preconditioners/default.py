@@ -157,7 +157,7 @@ def select_preconditioner(A: LinearOperator, *, solves: int = 1) -> Selection:
     >>> A = tmg.ToeplitzOperator(1.0 / (1.0 + np.hypot(*np.indices((40, 40)))))
     >>> checkered = np.indices((40, 40)).sum(axis=0) % 2 == 0
     >>> tmg.select_preconditioner(tmg.MaskedOperator(A, checkered))
-    fsai_preconditioner: a line, fragments or a large grid, and one solve; 12 neighbours
+    fsai_preconditioner: one solve; 12 neighbours
     if refused, fsai_preconditioner: 24 neighbours, for a smooth kernel
     if all are refused, the best of sine_preconditioner and none, by a trial of 10 steps of CG in
     all
