@@ -14,8 +14,6 @@ FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less i
 EQUAL = 1.1  # Largest ratio of the eigenvalues in the middle that CG takes for one.
 WHITE = 3.0  # The same beside outliers, for which a circulant takes more iterations than CG alone.
 OUTLIER = 10.0  # An eigenvalue over the median, from which on it is one.
-JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
-WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
 EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
 
@@ -93,24 +91,6 @@ def has_zero_at_start(samples: Array) -> bool:
     )
 
 
-def has_symbol(samples: Array) -> bool:
-    """Whether samples, on a circle, are those of a function of the frequency that they resolve.
-
-    Its phase turns by less than a right angle from nearly each sample to the next. Those of
-    coefficients that do not decay, as of random ones, turn by any angle.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> has_symbol(np.fft.rfft(0.9 ** np.arange(1000)))
-    True
-    >>> has_symbol(np.fft.rfft(np.random.default_rng(0).standard_normal(1000)))
-    False
-    """
-    turned = (samples[1:] * samples[:-1].conj()).real < 0.0
-    return bool(np.count_nonzero(turned) <= JUMPS * len(samples))
-
-
 def is_flat(eigenvalues: Array) -> bool:
     """Whether CG alone is done in few iterations: the eigenvalues are alike, but for some.
 
@@ -130,28 +110,6 @@ def is_flat(eigenvalues: Array) -> bool:
     low, middle, high = ascending[[n // 10, n // 2, (9 * n) // 10]]
     has_outliers = ascending[-1] > OUTLIER * middle
     return bool(high <= (WHITE if has_outliers else EQUAL) * low)
-
-
-def wraps_around(c: Array, r: Array) -> bool:
-    """Whether a Toeplitz matrix is a circulant, but for a small part.
-
-    Then its own circulant inverts it, of whatever numbers: a permutation has no symbol that its
-    lags resolve.
-
-    Parameters
-    ----------
-    c, r : ndarray of shape (n,)
-        First column and first row, real or complex.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> wraps_around(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
-    True
-    >>> wraps_around(np.array([2.0, -1.0, 0.0]), np.array([2.0, -1.0, 0.0]))
-    False
-    """
-    return bool(np.linalg.norm(c[1:] - r[:0:-1]) <= WRAPPED * np.linalg.norm(c))
 
 
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:

@@ -14,7 +14,6 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.coefficients import ROUNDING, make_hermitian
 from toeplitz_mg.operators.positivity import may_be_positive
 from toeplitz_mg.preconditioners.circulant import chan_column, smooth_column
-from toeplitz_mg.preconditioners.traits import has_symbol, wraps_around
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
 from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form
 
@@ -22,6 +21,8 @@ EPS = float(np.finfo(np.float64).eps)
 SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
 FEW_DIAGONALS = 32  # Most diagonals beside the main one by which a product is the fastest.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
+JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
+WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
 USUAL = 1e-60, 1e60  # Sizes whose products, quotients and squares neither over- nor underflow.
 
 
@@ -105,13 +106,22 @@ class ToeplitzSystem:
 
     @cached_property
     def wraps_around(self) -> bool:
-        """Whether A is a circulant, but for a small part."""
-        return wraps_around(self.c, self.r)
+        """Whether A is a circulant, but for a small part.
+
+        Then its own circulant inverts it, of whatever numbers: a permutation has no symbol that its
+        lags resolve.
+        """
+        return bool(norm(self.c[1:] - self.r[:0:-1]) <= WRAPPED * norm(self.c))
 
     @cached_property
     def has_symbol(self) -> bool:
-        """Whether the samples are those of a function that they resolve."""
-        return has_symbol(self.samples)
+        """Whether the samples are those of a function of the frequency that they resolve.
+
+        Its phase turns by less than a right angle from nearly each sample to the next. Those of
+        coefficients that do not decay, as of random ones, turn by any angle.
+        """
+        turned = (self.samples[1:] * self.samples[:-1].conj()).real < 0.0
+        return bool(np.count_nonzero(turned) <= JUMPS * len(self.samples))
 
     @cached_property
     def has_positive_means(self) -> bool:
