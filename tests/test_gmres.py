@@ -52,7 +52,7 @@ def test_the_iterates_are_those_of_scipy(restart, maxiter):
     for gmres, iterates in ((tmg.gmres, ours), (scipy.sparse.linalg.gmres, theirs)):
         told = {"callback": lambda x, i=iterates: i.append(x.copy()), "callback_type": "x"}
         x, info = gmres(A, b, rtol=1e-13, restart=restart, maxiter=maxiter, **told)
-        assert info > 0
+        assert info == maxiter
         assert_allclose(x, iterates[-1])
     assert len(ours) == maxiter
     assert_allclose(ours, theirs, atol=1e-10)
@@ -170,14 +170,6 @@ def test_stagnation_at_rounding_is_reported(dtype):
     assert 0 < info < len(residuals) < 300
     assert_allclose(residuals[-1], np.linalg.norm(b - A @ x), rtol=0.5)
     assert residuals[-1] <= 100 * np.finfo(dtype).eps * np.linalg.norm(b)
-
-
-def test_too_few_cycles_are_reported():
-    A, b = matrix(60), vector(60)
-    residuals = []
-    x, info = tmg.gmres(A, b, rtol=1e-12, restart=3, maxiter=2, residuals=residuals)
-    assert (info, len(residuals) - 1) == (2, 6)
-    assert_allclose(residuals[-1], np.linalg.norm(b - A @ x))
 
 
 def test_singular_matrices():

@@ -156,7 +156,7 @@ class Descent(Iterate):
         check_precision(system)
         super().__init__(system)
         A, vectors = system.A if system.inner is None else system.inner, self.vectors
-        self._inner: Iterate | _Inner = self
+        self._inner: _Inner | None = None
         if system.inner is not None:
             less = np.result_type(A.dtype, np.complex64) if system.dtype.kind == "c" else A.dtype
             y, s = (vectors.zeros(self.x, less) for _ in range(2))
@@ -172,7 +172,8 @@ class Descent(Iterate):
 
     def advance(self, goal: float) -> bool:
         """Take a step, and a new residual where that of an `inner` recurrence is not reliable."""
-        inner, steps, add = self._inner, self._steps, self.vectors.axpy
+        inner = self if self._inner is None else self._inner
+        steps, add = self._steps, self.vectors.axpy
         length = steps.step(inner.r)
         if length == 0.0:  # A or M is not positive definite, or not finite.
             return False
@@ -187,7 +188,7 @@ class Descent(Iterate):
 
     def solution(self) -> Array:
         """Return the sum of x and what is solved for in less precision."""
-        if isinstance(self._inner, Iterate):
+        if self._inner is None:
             return self.x
         # The sum is in the precision of x: that of y may not have numbers as large, or as small.
         y = self.vectors.copy(self._inner.x, self.vectors.empty(self.x))
@@ -198,12 +199,12 @@ class Descent(Iterate):
         if self._is_true:
             return
         self._is_true, inner = True, self._inner
-        if isinstance(inner, Iterate):
-            super().compute_residual()
-            return
-        self.x = self.solution()
-        inner.x = self.vectors.zeros(inner.x)
+        if inner is not None:
+            self.x = self.solution()
+            inner.x = self.vectors.zeros(inner.x)
         super().compute_residual()
+        if inner is None:
+            return
         with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
             error = self.vectors.norm(self.r - inner.r) / self._last
         self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)

@@ -3,12 +3,13 @@
 import warnings
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array
+from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.krylov_space import KrylovSpace
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.base import require_numpy, require_serial
@@ -164,14 +165,9 @@ class Space(Iterate):
     def __init__(self, system: System, restart: int | None = None) -> None:
         dtype, n = check_precision(system), len(system.b)
         super().__init__(system)
-        self._between = np.empty(n if system.M is not None else 0, dtype)
         most = min(n, system.maxiter if restart is None else restart)
-        self._space = KrylovSpace(self._multiply, (n,), dtype, most)
+        self._space = KrylovSpace(_product(system), (n,), dtype, most)
         self._before = self.size
-
-    def _multiply(self, v: Array, out: Array) -> Array:
-        A, M = self.system.A, self.system.M
-        return apply_to_rows(A, v if M is None else apply_to_rows(M, v, self._between), out)
 
     def begin(self) -> None:
         """Begin a space with the residual."""
@@ -202,3 +198,12 @@ class Space(Iterate):
         if not self.size < self._before:
             self.x, self.size = x, self._before
         self.record()
+
+
+def _product(system: System) -> Multiply:
+    """Return the products with A M, or with A."""
+    A, M = system.A, system.M
+    if M is None:
+        return partial(apply_to_rows, A)
+    between = np.empty(len(system.b), system.dtype)
+    return lambda v, out: apply_to_rows(A, apply_to_rows(M, v, between), out)
