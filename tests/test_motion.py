@@ -2,6 +2,7 @@
 
 import pickle
 from itertools import product
+from math import prod
 
 import numpy as np
 import pytest
@@ -236,7 +237,7 @@ def test_a_force_begins_to_creep():
         ({"moment": 0.1, "spin": 0.1}, "spin is 0.1 and the moment is 0.1"),
         ({"force": 0.1}, r"force is 0.1, but must be \(Fx, Fy\)"),
         ({"force": (np.nan, 0.0)}, "the force along x is nan"),
-        ({"force": (3.0, 4.0)}, r"force is of size 5, but must be less than .* carries, .*: 2\.5"),
+        ({"force": (3.0, 4.0)}, r"force is .*, of size 5, but the traction bound carries 2\.5 at"),
         ({"moment": 9.0}, "moment is of size 9, but must be less than"),
         ({"slip": np.zeros((5, 5))}, r"slip has shape \(5, 5\), but must have \(2, 5, 5\)"),
         ({"slip": np.full((2, 5, 5), np.inf)}, "slip has values that are not finite"),
@@ -398,6 +399,22 @@ def test_one_element_carries_a_force_with_the_moment_that_it_has_there(seed):
         assert_allclose(result.moment, moment, rtol=0.0, atol=1e-6 * h**2)
         assert result.stick.sum() == 1
         assert_within_budget("one element by loads, and a moment", products=result.products)
+
+
+@pytest.mark.parametrize("shape", [(12,), (11, 10)])
+def test_a_force_that_is_all_that_is_carried_lets_all_slide(shape):
+    g = np.linspace(0.1, 0.3, prod(shape)).reshape(shape)
+    most = g.sum() if len(shape) == 1 else g.sum() * np.array([0.6, -0.8])
+    with pytest.warns(ContactWarning, match="all that friction carries"):
+        rolled = rolling(g, (1.0, 1.0), material=BODY, force=most)
+    shifted = friction(g, (1.0, 1.0), material=BODY, force=most)
+    assert_allclose(rolled.traction, shifted.traction, rtol=1e-14)
+    assert not rolled.stick.any()
+    assert np.isnan(np.ravel(rolled.creepages)[: np.size(most)]).all()
+    assert "nan" in rolled.summary()
+    for function in (rolling, friction):
+        with pytest.raises(ValueError, match="the bodies would slide off"):
+            function(g, (1.0, 1.0), material=BODY, force=1.001 * most)
 
 
 @pytest.mark.parametrize("shape", [(9,), (5, 4)])

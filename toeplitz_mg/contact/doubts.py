@@ -27,6 +27,11 @@ OF_LARGEST, OF_MOMENT = 0.01, 0.1
 LITTLE = 0.1  # Share of a contact that sticks below which nearly all of it slides.
 UNCOUPLED = 1e-3  # Difference parameter below which the coupling is below the error of most grids.
 
+UNDETERMINED = (
+    "the force is all that friction carries: all slides, by any creepages that are large enough; "
+    "the creepages that were to be found, slip and power are not determined, and NaN"
+)
+
 
 class ContactWarning(UserWarning):
     """The answer is right for the numbers given, but they may not be what was meant.

@@ -28,7 +28,7 @@ class Figure(NamedTuple):
         values = np.atleast_1d(self.value)
         sizes = np.abs(values)
         least = NOTHING * float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
-        numbers = ", ".join(f"{x if abs(x) > least else 0.0:.5g}" for x in values)
+        numbers = ", ".join(f"{0.0 if abs(x) <= least else x:.5g}" for x in values)
         return f"{numbers if len(values) == 1 else f'({numbers})'} {self.unit}".rstrip()
 
 

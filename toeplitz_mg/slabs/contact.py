@@ -137,7 +137,8 @@ def rolling(
     """
     names = (*MOTION, "moment", *SEARCH, "options")
     grid, g, how = _begin(contact.rolling, names, bound, slab, element, material, arguments)
-    result = roll(grid, g, _agree(slab, Rolled.of, g.shape, **how), how["progress"])
+    asked = _agree(slab, Rolled.of, g.shape, **how)
+    result = roll(grid, g, asked, how["progress"], may_slide=True)
     _, force, moment, *_ = how["asked"]
     return _check(result, how, compare_loads(result, force, moment))
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.checks import widen
+from toeplitz_mg.contact.checks import check_force, widen
 from toeplitz_mg.contact.doubts import examine_moment
 from toeplitz_mg.contact.kept import keep
 from toeplitz_mg.contact.tangential.coulomb import size
@@ -119,6 +119,19 @@ class Motion:
     def wanted(self) -> Array:
         """The loads that are given."""
         return np.array([self.loads[k] for k in self.unknown], dtype=np.float64)
+
+    def find_sliding(self, grid: Any, g: Array) -> Array | None:
+        """Return the sum of the tractions where a given force lets all slide, or None.
+
+        A force that is more than the bound g carries is refused as in friction. Beside a moment it
+        is `check_loads` that refuses it.
+        """
+        forces = [F or 0.0 for F in self.loads[: grid.components]]
+        if self.loads[2] is not None or not any(forces):
+            return None
+        force = forces if len(forces) > 1 else forces[0]
+        total, all_slides = check_force(force, grid.vectors.sum(g), grid)
+        return total if all_slides else None
 
     def check_loads(self, grid: Any, g: Array, bearer: str = "the traction bound") -> None:
         """Refuse loads that the bearer's bound g cannot carry, so that the bodies slide off."""

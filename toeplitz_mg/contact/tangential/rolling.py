@@ -25,6 +25,7 @@ from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import BeyondBound, Motion
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
+from toeplitz_mg.contact.tangential.shifting import slide_off
 from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
@@ -77,7 +78,9 @@ def rolling(
     force : (float, float) or float, optional
         The tangential force (Fx, Fy) on the first body in the place of creepages, which are then
         found, N; None in the place of one that is not given, as in (Fx, None). In line contact a
-        number for the longitudinal one alone; in plane strain in N/mm.
+        number for the longitudinal one alone; in plane strain in N/mm. A force of μ P, to 1e-9 of
+        it, lets all slide, by any creepages that are large enough: those that would be found, slip
+        and power are NaN then.
     moment : float, optional
         The moment of the tractions about the pole, in the place of the spin, N mm.
     slip : array_like of shape (2, n1, n2), or (n,) in line contact, optional
@@ -119,7 +122,7 @@ def rolling(
     ContactWarning
         Where the contact is less than 10 elements across; and where the two bodies are unlike,
         as the coupling of normal and tangential tractions is left out (see
-        `frictional_rolling`).
+        `frictional_rolling`); and where a force lets all slide, so that creepages are NaN.
         `TangentialResult.warnings` lists them.
 
     Raises
@@ -158,7 +161,8 @@ def rolling(
         asked: Any, g: Array, guess: TangentialResult | None, most: int, tell: Progress | None
     ) -> TangentialResult:
         rolled = Rolled.of(g.shape, asked, tolerance, nested, most, tell, options, guess)
-        return roll(grid, g, rolled, tell, guess)
+        # Where friction falls, the bound without slip says nothing of what is carried.
+        return roll(grid, g, rolled, tell, guess, may_slide=falling is None)
 
     if falling is None:
         result = solve(asked, g, guess, max_products, progress)
@@ -235,12 +239,19 @@ def roll(
     asked: Rolled,
     progress: Progress | None,
     guess: TangentialResult | None = None,
+    *,
+    may_slide: bool = False,
 ) -> TangentialResult:
-    """Return what `rolling` finds for the traction bound `g`, converged or not."""
+    """Return what `rolling` finds for the traction bound `g`, converged or not.
+
+    A force that is all that friction carries may let all slide, or else it is refused.
+    """
     motion = asked.motion
     if grid.directions != motion.directions:
         grid = replace(grid, directions=motion.directions)
     g = drop_rounding(g, grid.vectors)
+    if may_slide and (total := motion.find_sliding(grid, g)) is not None:
+        return _slide(grid, g, asked, total)
     motion.check_loads(grid, g)
     before = None
     if guess is not None:
@@ -276,6 +287,22 @@ def roll(
     result = make_rolling_result(motion, problem, state, window, cost, slip, found, is_steady=True)
     doubted = motion.doubts(window.whole, result)
     return replace(result, warnings=result.warnings + doubted) if doubted else result
+
+
+def _slide(grid: Grid, g: Array, asked: Rolled, total: Array) -> TangentialResult:
+    """Return the result where all slides along a force, by any creepages that are large enough."""
+    motion, window = asked.motion, grid.window(g > 0.0)
+    g = window.cut(g)
+    with count_products() as work:
+        products = Products(window.grid.tangential(), asked.max_products)
+        b = np.zeros((grid.components, *g.shape))
+        problem = Problem(window.grid, g, b, total, asked.tolerance)
+        state, slip = slide_off(problem, products)
+    slip, found = np.full_like(slip, np.nan), motion.complete(np.full(len(motion.unknown), np.nan))
+    cost = products.count, products.units(work)
+    state, cost = window.same((state, cost))
+    result = make_rolling_result(motion, problem, state, window, cost, slip, found, is_steady=True)
+    return replace(result, warnings=(*result.warnings, doubts.UNDETERMINED))
 
 
 def _admit_guess(
