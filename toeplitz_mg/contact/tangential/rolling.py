@@ -296,8 +296,8 @@ def _slide(grid: Grid, g: Array, asked: Rolled, total: Array) -> TangentialResul
     with count_products() as work:
         products = Products(window.grid.tangential(), asked.max_products)
         b = np.zeros((grid.components, *g.shape))
-        problem = Problem(window.grid, g, b, total, asked.tolerance)
-        state, slip = slide_off(problem, products)
+        problem = Problem(window.grid, g, b, asked.tolerance)
+        state, slip = slide_off(problem, total, products)
     slip, found = np.full_like(slip, np.nan), motion.complete(np.full(len(motion.unknown), np.nan))
     cost = products.count, products.units(work)
     state, cost = window.same((state, cost))
