@@ -4,6 +4,7 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.columns.circle import OVERSAMPLING
 from toeplitz_mg.columns.columns import Columns
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import count_transforms
@@ -11,7 +12,6 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.positivity import require_positive, rounding
 from toeplitz_mg.operators.symbol import symbol_of_line
 
-OVERSAMPLING = 4  # Samples of the symbol for each unknown: its phase is not lost between two.
 ADVICE = "use chan_preconditioner(A) with gmres, or solve_toeplitz, which needs no factors"
 
 

@@ -16,12 +16,12 @@ from scipy.linalg import LinAlgWarning, cho_factor, cho_solve, solve_triangular
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_columns
-from toeplitz_mg.solvers.long_residual import EPS
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations

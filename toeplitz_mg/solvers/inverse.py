@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.columns.columns import Columns
+from toeplitz_mg.columns.columns import NEAR, Columns
 from toeplitz_mg.columns.first_column import SAFE_SIZES, double_line, find_columns
 from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.vectors import norm
@@ -16,17 +16,15 @@ from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.traits import decays_slowly
 from toeplitz_mg.solvers.cg import Descent
 from toeplitz_mg.solvers.checks import by_recurrence
-from toeplitz_mg.solvers.reflection import SHORT, levinson_column
+from toeplitz_mg.solvers.reflection import levinson_column
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, fast_length
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
+from toeplitz_mg.solvers.toeplitz.sizes import PANELS, SHORT
 from toeplitz_mg.values import positive
 
-FSAI = 2**16  # Fewest unknowns where FSAI is faster, of a slow length and slow decay.
-PANELS = 2**17  # Fewest unknowns of which FSAI's products, in panels, are faster.
 FEW = 256  # Unknowns up to which a matrix that is not Hermitian is solved with directly.
-ROUGH = 1e-6  # Relative residual of CG, from which one or two steps lead to rounding.
 
 
 class ToeplitzInverse(GridOperator):
@@ -212,7 +210,7 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
         inverse = inverse.refined
     if not inverse.residual <= rtol:
         rule = "not positive definite, or " if full.is_hermitian else ""
-        small = inverse.residual <= ROUGH
+        small = inverse.residual <= NEAR
         raise np.linalg.LinAlgError(
             f"the residual achieved is {inverse.residual:.1e}, but {rtol:.1e} was asked for: A is "
             f"{rule}too ill-conditioned"
@@ -248,12 +246,11 @@ def _solve(A: ToeplitzOperator) -> Columns | None:
         return Columns(A, levinson_column(A.c)[0])
     if not A.is_hermitian or A.dtype.kind == "c":
         return None
-    is_for_fsai = n >= FSAI and fast_length(n) > n and decays_slowly(A.c)
-    if n < PANELS and not is_for_fsai:
+    if n < PANELS:
         solver = CosineSolver(CosineForm(A.c), A.norm_bound)
-        return Columns(A, solver.solve(unit[np.newaxis], ROUGH)[0][0])
+        return Columns(A, solver.solve(unit[np.newaxis], NEAR)[0][0])
     if decays_slowly(A.c):
         M = fsai_preconditioner(A)
-        x, _, converged = by_recurrence(Descent, A, unit, M=M, rtol=ROUGH, maxiter=50)
+        x, _, converged = by_recurrence(Descent, A, unit, M=M, rtol=NEAR, maxiter=50)
         return Columns(A, x) if converged else None
     return None

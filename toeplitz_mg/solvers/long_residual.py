@@ -15,9 +15,9 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.circle import Circle, circle_of
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import norm
 
-EPS = float(np.finfo(np.float64).eps)
 UNSURE = 0.1  # Error of a product of integers, by transforms, that rounding removes for certain.
 
 

@@ -19,7 +19,6 @@ from toeplitz_mg.operators.positivity import require_positive_diagonal
 from toeplitz_mg.solvers.toeplitz.levinson import recursion
 from toeplitz_mg.values import refuse_masked
 
-SHORT = 512  # Unknowns up to which Levinson's recursion takes less time than the column of A⁻¹.
 LARGEST = 2048  # Unknowns up to which n² steps take little longer than the Schur algorithm.
 
 

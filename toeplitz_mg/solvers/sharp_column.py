@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.columns.columns import Columns
+from toeplitz_mg.columns.columns import EPS, Columns
 from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.solvers.long_residual import EPS, LongResidual
+from toeplitz_mg.solvers.long_residual import LongResidual
 from toeplitz_mg.solvers.szego_polynomial import SzegoPolynomial
 
 WELL_CONDITIONED = 1e6  # Condition up to which gradients have ten digits in double precision.

@@ -17,13 +17,14 @@ import scipy.linalg
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.circle import Circle, circle_of
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.solvers.long_residual import EPS
-from toeplitz_mg.solvers.reflection import LARGEST, SHORT, levinson_column, step_down
+from toeplitz_mg.solvers.reflection import LARGEST, levinson_column, step_down
 from toeplitz_mg.solvers.sharp_column import SharpColumn
 from toeplitz_mg.solvers.szego_polynomial import MOST_SAMPLES
+from toeplitz_mg.solvers.toeplitz.sizes import SHORT
 
 GOAL = 1e-12  # Relative error of a log-determinant above which the Schur algorithm may do better.
 SAFETY = 3.0  # Estimates of errors are this many times what is known of them.

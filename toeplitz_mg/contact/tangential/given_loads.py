@@ -97,10 +97,8 @@ class Loads:
         def fall(c: Array) -> tuple[float, Array]:
             z = (q + vectors.combine(c * unit, arms)) / unit
             inside = clip(z, g / unit)
-            value = vectors.dot(inside, z - 0.5 * inside) - c @ (self.wanted / lengths / unit)
-            return float(value), inner_products(
-                arms, inside, vectors
-            ) - self.wanted / lengths / unit
+            value = vectors.dot(inside, z - 0.5 * inside) - float(c @ wanted)
+            return value, inner_products(arms, inside, vectors) - wanted
 
         found = minimize(fall, np.zeros(len(arms)), jac=True, options={"gtol": CARRIED})
         return of(found.x)

@@ -28,12 +28,12 @@ from toeplitz_mg.engine.small_matrices import invert
 from toeplitz_mg.engine.vectors import PART, add_combination, dots
 from toeplitz_mg.operators.positivity import is_positive
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, Points, choose_points
+from toeplitz_mg.solvers.toeplitz.sizes import LOW_RANK
 
 LOWEST = 32  # Lowest pairs of frequencies, an even and an odd one, that are inverted exactly.
 # Sample of the symbol next to the lowest frequencies, over the largest, below which rounding says
 # how many iterations it takes: (2 - 2 cos θ)² has that from some 6000 unknowns on.
 LEAST = 1e-7
-LONG = 4096  # Fewest numbers where iterations that are saved take longer than the columns.
 MOST = 10  # Most columns of each parity.
 # Pairs of frequencies that are looked at: so many at an end, and others from there to the middle.
 NEAR_ZERO, NEAR_PI = (18, 22), (8, 10)
@@ -171,7 +171,7 @@ def has_low_rank(form: CosineForm) -> bool:
     Where the symbol has a zero, D has no inverse. Of a vector in the middle of a longer one the
     inverse is a block of another one.
     """
-    return form.has_ended and not form.has_zero and form.m == form.n >= LONG
+    return form.has_ended and not form.has_zero and form.m == form.n >= LOW_RANK
 
 
 def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:

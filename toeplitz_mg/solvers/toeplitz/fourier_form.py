@@ -16,14 +16,14 @@ from toeplitz_mg.engine.transforms import phase_factors
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import require_nonzero
+from toeplitz_mg.solvers.toeplitz.sizes import LARGEST_FOURIER
 
-LARGEST = 2**14  # Most unknowns of which a transform at once is as fast as one in panels.
 ROOT = np.sqrt(2.0)
 
 
 def has_fourier_form(n: int) -> bool:
     """Whether a matrix of this size has the form: of an even size, with fast transforms."""
-    return n % 2 == 0 and n <= LARGEST and near_fast_length(n) == n
+    return n % 2 == 0 and n <= LARGEST_FOURIER and near_fast_length(n) == n
 
 
 class FourierForm:

@@ -20,13 +20,10 @@ import scipy.linalg
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import PART
-from toeplitz_mg.solvers.toeplitz.system import EPS, USUAL
-
-# `python -m comparisons.drop_in` measures both sides of these.
-LARGEST = 64  # Most unknowns of a system: above some 100 SciPy's recursion is as fast for each.
-FEWEST = 50  # Fewest systems that are worth the calls of one recursion more.
-NUMBERS = 2**16  # Numbers of an array of systems that are solved together: they stay in the cache.
+from toeplitz_mg.solvers.toeplitz.sizes import FEWEST_AT_ONCE, LARGEST_AT_ONCE, NUMBERS_AT_ONCE
+from toeplitz_mg.solvers.toeplitz.system import USUAL
 
 Recursion = Callable[[Array, Array], Any]  # From lags and b to x and something else.
 
@@ -127,7 +124,7 @@ class Solutions(NamedTuple):
 
 def is_faster_at_once(systems: int, n: int) -> bool:
     """Whether one recursion is faster than one for each: it takes some calls for each unknown."""
-    return n <= LARGEST and systems >= max(FEWEST, 2 * n)
+    return n <= LARGEST_AT_ONCE and systems >= max(FEWEST_AT_ONCE, 2 * n)
 
 
 def solve_at_once(c: Array, b: Array) -> Solutions:
@@ -140,7 +137,7 @@ def solve_at_once(c: Array, b: Array) -> Solutions:
     """
     x = np.empty(b.shape)
     residuals, backward_errors = np.empty((2, len(b)))
-    size = max(1, NUMBERS // b[0].size)
+    size = max(1, NUMBERS_AT_ONCE // b[0].size)
     for start in range(0, len(b), size):
         part = slice(start, start + size)
         # A step of the recursion is then one operation for all systems.

@@ -16,6 +16,7 @@ from scipy.linalg.lapack import dpttrf, dpttrs
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators.positivity import is_positive
@@ -32,26 +33,25 @@ from toeplitz_mg.solvers.gmres import Space
 from toeplitz_mg.solvers.inverse import first_columns
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.toeplitz.levinson import column_and_row_of_inverse, levinson
-from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem
+from toeplitz_mg.solvers.toeplitz.sizes import (
+    CORRECTED,
+    COSINE_LIMIT,
+    FEW,
+    FEW_DIAGONALS,
+    FEWEST_ITERATIONS,
+    GENERAL,
+    ITERATION,
+    LARGEST_BAND,
+    LARGEST_DENSE,
+    LARGEST_RECURSIVE,
+    RECURSIVE,
+    SHORT,
+    STEPS_OF_INVERSE,
+    TRIANGULAR,
+)
+from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 
 Solve = Callable[[Rows, float], tuple[Rows, int]]  # ``solve(B, rtol)``: solutions and iterations.
-
-# Sizes at which one method becomes faster than another, in unknowns where nothing else is said.
-# `python -m comparisons.drop_in` measures both sides of them.
-SHORT = 256  # Most for which the answer of Levinson's recursion is soon corrected.
-EQUAL = 512  # Where Levinson's recursion and CG in the DCT domain take as long.
-RECURSIVE = 1024  # Fewest for Trench's recursion, of complex numbers or several columns.
-GENERAL = 2048  # Fewest for Trench's recursion of one real column, and for GMRES.
-LARGEST_DENSE = 4096  # Most of a matrix that LU factorises: of 128 MiB.
-LARGEST_RECURSIVE = 20_000  # Most for which n² steps are taken after other methods have failed.
-FEW = 2  # Most right-hand sides for which an inverse is not worth its set-up.
-STEPS_OF_INVERSE = 3_000_000  # Steps of Levinson's recursion, n² a column, that an inverse saves.
-COSINE_LIMIT = 80_000  # Most columns² n for which CG in the DCT domain is faster than the inverse.
-ITERATION = 64  # Where Trench's recursion takes as long as an iteration of GMRES.
-FEWEST = 4  # Iterations that GMRES takes at least.
-NARROW = 32  # Most diagonals of a band beside the main one that is LAPACK's.
-TRIANGULAR = 64  # Most diagonals of a triangular matrix that is solved by substitution at once.
-LARGEST_BAND = 2**25  # Most numbers of the diagonals of a band: 256 MiB.
 
 ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a better one: 2e-12.
 UNSTABLE = 2e4 * EPS  # Backward error of the recursion that another one need not correct: 4e-12.
@@ -59,7 +59,8 @@ UNSTABLE = 2e4 * EPS  # Backward error of the recursion that another one need no
 # lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with one ten times as large; with
 # one ten times less Trench's recursion loses more digits than some of them can spare.
 SHIFT = 1e-4
-USEFUL = 1e-6  # ‖b - A x‖/‖b‖ at which rounding may have stopped GMRES: the caller corrects that.
+# ‖b - A x‖/‖b‖ at which rounding may have stopped GMRES, and above which any x is corrected.
+ROUGH = 1e-6
 LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
 
 
@@ -114,7 +115,7 @@ def accepted_error(s: ToeplitzSystem) -> float:
 
     A small system is sooner worth a correction.
     """
-    if s.n > SHORT:
+    if s.n > CORRECTED:
         return UNSTABLE
     return 0.0 if s.may_be_definite else ACCEPTED
 
@@ -135,7 +136,7 @@ def is_triangle(s: ToeplitzSystem) -> bool:
 def is_narrow_band(s: ToeplitzSystem) -> bool:
     """Whether a long matrix has few diagonals."""
     width = sum(s.widths)
-    return s.n > EQUAL and width <= NARROW and width * s.n <= LARGEST_BAND
+    return s.n > SHORT and width <= FEW_DIAGONALS and width * s.n <= LARGEST_BAND
 
 
 def has_many_columns(s: ToeplitzSystem) -> bool:
@@ -147,9 +148,9 @@ def is_short(s: ToeplitzSystem) -> bool:
     """Whether Levinson's recursion is faster than CG in the DCT domain.
 
     It takes n² steps for each column. CG there takes calls, which cost as much as three columns of
-    `EQUAL` numbers, and a time in proportion to the numbers.
+    `SHORT` numbers, and a time in proportion to the numbers.
     """
-    return s.columns * (s.n / EQUAL) ** 2 <= (3.0 + s.columns * s.n / EQUAL) / 4.0
+    return s.columns * (s.n / SHORT) ** 2 <= (3.0 + s.columns * s.n / SHORT) / 4.0
 
 
 def is_for_cosines(s: ToeplitzSystem) -> bool:
@@ -161,7 +162,7 @@ def is_for_cosines(s: ToeplitzSystem) -> bool:
 
 def is_for_cg(s: ToeplitzSystem) -> bool:
     """Whether a complex matrix may be positive definite, and is not small."""
-    return s.is_complex and s.n > EQUAL and s.columns <= FEW and s.has_positive_means
+    return s.is_complex and s.n > SHORT and s.columns <= FEW and s.has_positive_means
 
 
 def is_for_inverse(s: ToeplitzSystem) -> bool:
@@ -175,7 +176,7 @@ def is_for_gmres(s: ToeplitzSystem) -> bool:
     """Whether GMRES with circulants is faster than Trench's recursion."""
     if s.n < (RECURSIVE if s.is_symmetric else GENERAL):
         return False
-    return s.wraps_around or (s.n > FEWEST * ITERATION * s.columns and s.has_symbol)
+    return s.wraps_around or (s.n > FEWEST_ITERATIONS * ITERATION * s.columns and s.has_symbol)
 
 
 def is_for_levinson(s: ToeplitzSystem) -> bool:
@@ -367,7 +368,7 @@ def _iterate(
 
 
 _cg = partial(_iterate, "cg", Descent, 0.0)
-_gmres = partial(_iterate, "gmres", Space, USEFUL)
+_gmres = partial(_iterate, "gmres", Space, ROUGH)
 
 
 # The table --------------------------------------------------------------------------------------

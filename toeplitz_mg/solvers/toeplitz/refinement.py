@@ -6,26 +6,18 @@ from typing import NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.toeplitz.methods import (
-    ACCEPTED,
-    EQUAL,
-    LARGEST_DENSE,
-    METHODS,
-    SHORT,
-    Method,
-    Solve,
-)
-from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem, largest
+from toeplitz_mg.solvers.toeplitz.methods import ACCEPTED, METHODS, ROUGH, Method, Solve
+from toeplitz_mg.solvers.toeplitz.sizes import CORRECTED, GENERAL, LARGEST_DENSE, SHORT
+from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem, largest
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
 GOOD = 64 * EPS  # Backward error at which no other method is tried.
-SINGULAR = 0.1  # Relative residual above which there is no answer in float64.
+# Relative residual, and ε √n ‖a‖₁ ‖x‖/‖b‖ where that is not small, above which there is no answer.
+SINGULAR = 0.1
 ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
-ROUGH = 1e-6  # Relative residual above which a solution is corrected, whatever it takes.
-GROWN = 0.1  # ε √n ‖a‖₁ ‖x‖/‖b‖ above which A is singular, unless the residual is small.
-LARGEST_COMPARED = 2000  # Most unknowns for which LU is tried where the residual is large.
 UNEVEN = 0.01  # Terms of the sums over ‖a‖₁ ‖x‖ below which they are what rounding is relative to.
 CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
 MOST = 4  # Corrections, beyond which another method is tried: each takes as long as the solution.
@@ -125,8 +117,8 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Foun
 
 def _is_for_lu(system: ToeplitzSystem, found: Found) -> bool:
     """Whether a residual is so large, and the matrix so small, that LU is worth a try."""
-    is_worth_it = system.n <= EQUAL or found.info.residual > ROUGH
-    return found.is_doubtful and is_worth_it and system.n <= LARGEST_COMPARED
+    is_worth_it = system.n <= SHORT or found.info.residual > ROUGH
+    return found.is_doubtful and is_worth_it and system.n < GENERAL
 
 
 def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float | None) -> Attempt:
@@ -176,7 +168,7 @@ def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float |
             found = Found(info)
         return Attempt(best, found, least <= GOOD, least <= ACCEPTED)
     is_large = info.residual > ILL_CONDITIONED
-    is_singular = is_large and sqrt(system.n) * least_noise > GROWN
+    is_singular = is_large and sqrt(system.n) * least_noise > SINGULAR
     may_be_answer = info.residual <= SINGULAR and not is_singular
     is_near = least <= ACCEPTED or not is_large
     return Attempt(best, found, may_be_answer and least <= GOOD, may_be_answer and is_near)
@@ -215,7 +207,7 @@ def is_answer(
     """
     if rtol is not None:
         return residual <= rtol
-    rough = ILL_CONDITIONED if system.n <= SHORT else ROUGH
+    rough = ILL_CONDITIONED if system.n <= CORRECTED else ROUGH
     return residual <= RTOL or (error <= accepted and residual <= rough)
 
 

@@ -12,18 +12,12 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.ranks import is_serial
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.toeplitz.levinson import is_faster_at_once, levinson, solve_at_once
-from toeplitz_mg.solvers.toeplitz.methods import (
-    EQUAL,
-    LEVINSON,
-    METHODS,
-    SHORT,
-    Method,
-    accepted_error,
-)
+from toeplitz_mg.solvers.toeplitz.methods import LEVINSON, METHODS, Method, accepted_error
 from toeplitz_mg.solvers.toeplitz.refinement import (
     GOOD,
     ILL_CONDITIONED,
@@ -38,7 +32,8 @@ from toeplitz_mg.solvers.toeplitz.refinement import (
     solve_system,
 )
 from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
-from toeplitz_mg.solvers.toeplitz.system import EPS, ToeplitzSystem
+from toeplitz_mg.solvers.toeplitz.sizes import CORRECTED, SHORT
+from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 from toeplitz_mg.values import real, refuse_masked
 
 UNUSED = 1100  # Minus the exponent given to zeros, smaller than that of any float64.
@@ -152,7 +147,7 @@ def solve_toeplitz(
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
     c, r, b = _read(c_or_cr, b)
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
-    if c.size <= EQUAL and (done := _solve_short(c, r, b, rtol)) is not None:
+    if c.size <= SHORT and (done := _solve_short(c, r, b, rtol)) is not None:
         return done if full_output else done[0]
     with np.errstate(all="ignore"):  # It is seen in the residual.
         if is_batch:
@@ -355,7 +350,7 @@ def _solve(
     check_finite: bool,
     rtol: float | None,
     *,
-    most_at_once: int = SHORT,
+    most_at_once: int = CORRECTED,
 ) -> tuple[Array, list[Found]]:
     """Solve one system, with one right-hand side or many."""
     system = _arrange(c, r, b, most_at_once)
@@ -375,7 +370,7 @@ def _solve(
     return np.ascontiguousarray(X.T.reshape(b.shape)), [found]
 
 
-def _arrange(c: Array, r: Array, b: Array, most_at_once: int = SHORT) -> ToeplitzSystem | None:
+def _arrange(c: Array, r: Array, b: Array, most_at_once: int = CORRECTED) -> ToeplitzSystem | None:
     """Return the system with right-hand sides as rows; None where there are none.
 
     A real matrix is solved for the real and the imaginary parts side by side; one of at most

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg.blas import dasum, idamax
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.row_transforms import fft, rfft
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
@@ -16,10 +17,8 @@ from toeplitz_mg.operators.positivity import may_be_positive
 from toeplitz_mg.preconditioners.circulant import chan_column, smooth_column
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
 from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form
+from toeplitz_mg.solvers.toeplitz.sizes import FEW_DIAGONALS, SHORT
 
-EPS = float(np.finfo(np.float64).eps)
-SHORT = 512  # Most unknowns of which a product by its definition is as fast as one by FFT.
-FEW_DIAGONALS = 32  # Most diagonals beside the main one by which a product is the fastest.
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
