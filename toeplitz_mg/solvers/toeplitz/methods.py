@@ -141,7 +141,7 @@ def is_narrow_band(s: ToeplitzSystem) -> bool:
 
 def has_many_columns(s: ToeplitzSystem) -> bool:
     """Whether LU is faster than a recursion: its set-up takes n³ steps, but a column few."""
-    return s.n <= LARGEST_DENSE and s.columns >= 4 + s.n // 32
+    return s.n < RECURSIVE and s.columns >= 4 + s.n // 32
 
 
 def is_short(s: ToeplitzSystem) -> bool:
@@ -382,7 +382,12 @@ METHODS = (
         is_substitution=True,
     ),
     Method("banded", "few diagonals: LAPACK takes O(n) steps", is_narrow_band, _factor_band),
-    Method("lu", "many columns of few unknowns: n³/3 steps", has_many_columns, _factor_dense),
+    Method(
+        "lu",
+        "many columns of few unknowns: n³/3 steps",
+        lambda s: has_many_columns(s) and (s.n <= CORRECTED or not s.may_be_definite),
+        _factor_dense,
+    ),
     Method(
         "cg in the DCT domain",
         "symmetric, and the diagonal is largest: a definite matrix takes few iterations there",
@@ -413,6 +418,7 @@ METHODS = (
         is_for_inverse,
         _invert,
     ),
+    Method("lu", "many columns, and not definite: n³/3 steps", has_many_columns, _factor_dense),
     Method(
         "gmres, circulant",
         "a symbol that n samples resolve, or nearly a circulant",
