@@ -11,9 +11,6 @@ from toeplitz_mg.operators.symbol import NEGLIGIBLE
 
 SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
 FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
-EQUAL = 1.1  # Largest ratio of the eigenvalues in the middle that CG takes for one.
-WHITE = 3.0  # The same beside outliers, for which a circulant takes more iterations than CG alone.
-OUTLIER = 10.0  # An eigenvalue over the median, from which on it is one.
 EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
 
 
@@ -89,27 +86,6 @@ def has_zero_at_start(samples: Array) -> bool:
         first < second / 2
         and second <= samples[2:].min(initial=np.inf) + rounding(samples, samples.dtype)
     )
-
-
-def is_flat(eigenvalues: Array) -> bool:
-    """Whether CG alone is done in few iterations: the eigenvalues are alike, but for some.
-
-    Those in the middle are all but equal, or differ little beside outliers, which CG finds by
-    itself, as those of plane waves in noise. The eigenvalues are those of T. Chan's circulant,
-    where no few of them are near zero by chance.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> is_flat(np.r_[1000.0, np.linspace(1.0, 2.0, 100)])
-    True
-    >>> is_flat(np.linspace(1.0, 2.0, 100))
-    False
-    """
-    n, ascending = len(eigenvalues), np.sort(eigenvalues)
-    low, middle, high = ascending[[n // 10, n // 2, (9 * n) // 10]]
-    has_outliers = ascending[-1] > OUTLIER * middle
-    return bool(high <= (WHITE if has_outliers else EQUAL) * low)
 
 
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:

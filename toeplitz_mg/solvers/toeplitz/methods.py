@@ -26,7 +26,6 @@ from toeplitz_mg.preconditioners.circulant import (
     smooth_inverse,
 )
 from toeplitz_mg.preconditioners.spectral import spectral_preconditioner
-from toeplitz_mg.preconditioners.traits import is_flat
 from toeplitz_mg.solvers.cg import Descent
 from toeplitz_mg.solvers.checks import by_recurrence
 from toeplitz_mg.solvers.gmres import Space
@@ -397,7 +396,7 @@ METHODS = (
     Method(
         "cg",
         "Hermitian, with eigenvalues that are alike, but for a few that CG finds by itself",
-        lambda s: is_for_cg(s) and is_flat(s.means),
+        lambda s: is_for_cg(s) and s.has_flat_means,
         lambda s: _with_circulant(s, partial(_cg, patience=OF_CG), None),
     ),
     Method(

@@ -22,6 +22,9 @@ from toeplitz_mg.solvers.toeplitz.sizes import FEW_DIAGONALS, SHORT
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
+ALIKE = 1.1  # Largest ratio of the eigenvalues in the middle that CG takes for one.
+WHITE = 3.0  # The same beside outliers, for which a circulant takes more iterations than CG alone.
+OUTLIER = 10.0  # An eigenvalue over the median, from which on it is one.
 USUAL = 1e-60, 1e60  # Sizes whose products, quotients and squares neither over- nor underflow.
 
 
@@ -130,6 +133,18 @@ class ToeplitzSystem:
             and self.c[0].real > 0.0
             and may_be_positive(self.means, self.means.dtype)
         )
+
+    @property
+    def has_flat_means(self) -> bool:
+        """Whether CG is done in few iterations without a preconditioner, by the same numbers.
+
+        Those in the middle are all but equal, or differ little beside outliers, which CG finds by
+        itself, as those of plane waves in noise.
+        """
+        n, ascending = len(self.means), np.sort(self.means)
+        low, middle, high = ascending[[n // 10, n // 2, (9 * n) // 10]]
+        has_outliers = ascending[-1] > OUTLIER * middle
+        return bool(high <= (WHITE if has_outliers else ALIKE) * low)
 
     @property
     def may_be_definite(self) -> bool:
