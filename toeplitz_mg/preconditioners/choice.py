@@ -276,8 +276,14 @@ class Facts:
 
     @property
     def may_be_fsai(self) -> bool:
-        """Whether it is FSAI: on a mask at once, on a grid where cosine is refused."""
-        return self.suits_fsai and not (self.is_line or self.suits_sine)
+        """Whether it is FSAI: on a mask at once, on a grid where cosine is refused.
+
+        On a line it takes hundreds of iterations for a smooth covariance that is as wide as that.
+        """
+        if not self.suits_fsai or self.is_line or self.suits_sine:
+            return False
+        is_line = len(self.full.grid_shape) == 1
+        return not (is_line and self.decreases) or self.is_hardly_resolved
 
     @property
     def has_slow_transforms(self) -> bool:
