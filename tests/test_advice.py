@@ -168,8 +168,8 @@ def test_no_preconditioner_is_advised_where_a_coefficient_is_as_large_as_the_dia
     for make in (tmg.multigrid, tmg.fft_preconditioner, tmg.cosine_preconditioner):
         message, _ = refusal(make, A)
         assert not list(advised(message, make))
-        assert "A is not positive definite" in message
-        assert message.endswith("gmres without M")
+        assert "is not positive definite" in message
+        assert "gmres" in message
         assert message.count("use ") == 1
     assert solves_by_gmres(A)
 
