@@ -20,8 +20,8 @@ from toeplitz_mg.solvers.reflection import levinson_column
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
-from toeplitz_mg.solvers.toeplitz.sizes import PANELS, SHORT
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, fast_length
+from toeplitz_mg.solvers.toeplitz.sizes import FSAI, PANELS, SHORT
 from toeplitz_mg.values import positive
 
 FEW = 256  # Unknowns up to which a matrix that is not Hermitian is solved with directly.
@@ -246,7 +246,8 @@ def _solve(A: ToeplitzOperator) -> Columns | None:
         return Columns(A, levinson_column(A.c)[0])
     if not A.is_hermitian or A.dtype.kind == "c":
         return None
-    if n < PANELS:
+    is_for_fsai = n >= FSAI and fast_length(n) > n and decays_slowly(A.c)
+    if n < PANELS and not is_for_fsai:
         solver = CosineSolver(CosineForm(A.c), A.norm_bound)
         return Columns(A, solver.solve(unit[np.newaxis], NEAR)[0][0])
     if decays_slowly(A.c):
