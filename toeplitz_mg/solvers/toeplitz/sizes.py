@@ -11,8 +11,8 @@ GENERAL = 2048  # Fewest for Trench's recursion of one real column, and for GMRE
 LARGEST_DENSE = 4096  # Most of a matrix that LU factorises: of 128 MiB.
 LARGEST_RECURSIVE = 20_000  # Most for which n² steps are taken after other methods have failed.
 LARGEST_FOURIER = 2**14  # Most of which a transform at once is as fast as one in panels.
-PANELS = 2**17  # Fewest for which the products in panels of FSAI are faster than cosine transforms.
-FSAI = 2**16  # Fewest where they are, of a slow length.
+PANELS = 2**17  # Fewest for which products in panels are faster than by transforms at once.
+FSAI = 2**16  # Fewest of a slow length for which FSAI, with such products, is.
 LOW_RANK = 4096  # Fewest for which iterations that are saved take longer than columns of low rank.
 
 FEW = 2  # Most right-hand sides for which an inverse is not worth its set-up.

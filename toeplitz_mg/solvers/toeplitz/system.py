@@ -17,7 +17,7 @@ from toeplitz_mg.operators.positivity import may_be_positive
 from toeplitz_mg.preconditioners.circulant import chan_column, smooth_column
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
 from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form
-from toeplitz_mg.solvers.toeplitz.sizes import FEW_DIAGONALS, SHORT
+from toeplitz_mg.solvers.toeplitz.sizes import FEW_DIAGONALS, PANELS, SHORT
 
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
@@ -196,14 +196,15 @@ class ToeplitzSystem:
 
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows by A, as cheaply as can be for its size."""
-        if "cosine_form" in self.__dict__:
-            return self.cosine_form.multiply(X)
-        if self.n <= SHORT:
+        has_cosine_form = "cosine_form" in self.__dict__
+        if self.n <= SHORT and not has_cosine_form:
             return multiply_by_definition(self.lags, X) if X.ndim == 1 else X @ self._dense.T
-        if sum(self.widths) <= FEW_DIAGONALS:
+        if sum(self.widths) <= FEW_DIAGONALS and not has_cosine_form:
             above = self.widths[1]
             Y = [np.convolve(x, self.band)[above : above + self.n] for x in np.atleast_2d(X)]
             return np.stack(Y).reshape(X.shape)
+        if self.is_symmetric and (self.n < PANELS or has_cosine_form):
+            return self.cosine_form.multiply(X)
         return self.A.apply(X) if self.fourier_form is None else self.fourier_form.multiply(X)
 
     def multiply_sharply(self, X: Rows) -> Rows:
