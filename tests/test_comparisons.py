@@ -205,8 +205,9 @@ def test_areas_say_what_was_not_solved():
     assert line == {"method": "sine", "normal, full": "9 / 0.25"}
 
 
-def test_the_picture_of_areas(tmp_path, capsys):
-    run(preconditioners, tmp_path, capsys, "--parts", "picture")
+def test_the_picture_of_areas_and_cycles(tmp_path, capsys):
+    quick = {"picture": {"n": 16}, "cycles": {"lines": (100,), "squares": (8,)}}
+    run(preconditioners, tmp_path, capsys, "--parts", "picture", "cycles", quick=quick)
     assert (tmp_path / "areas.png").read_bytes().startswith(b"\x89PNG")
 
 

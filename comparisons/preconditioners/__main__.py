@@ -1,8 +1,8 @@
 """Every preconditioner on areas and on symbols.
 
 `areas` are contact areas of every kind, `symbols` Toeplitz matrices of one axis of every kind;
-`trials` matrices of which a trial chooses the preconditioner; `picture` draws pressures on the
-areas. ``--parts`` chooses among them.
+`trials` matrices of which a trial chooses the preconditioner; `cycles` has multigrid on any kernel;
+`picture` draws pressures on the areas. ``--parts`` chooses among them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,13 +12,14 @@ from typing import Any
 from comparisons.harness import report
 from comparisons.harness.measuring import PRECONDITIONERS
 from comparisons.harness.processes import prepare
-from comparisons.preconditioners import areas, symbols, trials
+from comparisons.preconditioners import areas, cycles, symbols, trials
 
 Part = Callable[..., None]  # Takes the folder, and its sizes by name.
 PARTS: dict[str, Part] = {
     "areas": areas.run,
     "symbols": symbols.run,
     "trials": trials.run,
+    "cycles": cycles.run,
     "picture": areas.draw,
 }
 FULL: dict[str, dict[str, Any]] = {part: {} for part in PARTS}
@@ -26,6 +27,7 @@ QUICK: dict[str, dict[str, Any]] = {
     "areas": {"sizes": (32,), "lines": (2048,), "methods": ("none", "cosine", "FSAI", "default")},
     "symbols": {"sizes": (2**8,)},
     "trials": {"sizes": (32,)},
+    "cycles": {"lines": (2**10,), "squares": (32,)},
     "picture": {"n": 16},
 }
 

@@ -45,12 +45,6 @@ ENOUGH = 0.1  # CPU seconds of all solves, after which there are no more.
 TURNS = 20  # Most solves, of which the fastest counts.
 TITLE = """Iterations / work units / CPU seconds, set-up included; (true residual) where it is above
 1e-8; > : over 300 iterations; - : refused, or not tried"""
-# Interpolation for the zero of a symbol; a positive one can do with copies.
-INTERPOLATIONS = {
-    **dict.fromkeys(("|θ|", "|θ|^1.5", "θ²", "2 - 2 cos θ"), tmg.linear_interpolation),
-    "2 + 2 cos θ": tmg.modulated_interpolation,
-    **dict.fromkeys(("|θ|³", "θ⁴"), tmg.Interpolation((0.125, 0.5, 0.75, 0.5, 0.125))),
-}
 
 
 def iterate(preconditioner: Any, name: str, c: Array, r: Array, b: Array) -> Solution:
@@ -66,16 +60,6 @@ def iterate(preconditioner: Any, name: str, c: Array, r: Array, b: Array) -> Sol
     return x, len(residuals) - 1
 
 
-def v11(name: str, c: Array, r: Array, b: Array) -> Solution:
-    """Precondition by V(1,1): with M̄ where that exists, else with damped Jacobi."""
-    interpolation = INTERPOLATIONS.get(name, tmg.piecewise_constant)
-    cycle = partial(tmg.multigrid, pre=1, post=1, interpolation=interpolation)
-    try:
-        return iterate(cycle, name, c, r, b)
-    except np.linalg.LinAlgError:
-        return iterate(partial(cycle, smoother=tmg.jacobi_preconditioner), name, c, r, b)
-
-
 def drop_in(rtol: float | None, name: str, c: Array, r: Array, b: Array) -> Solution:
     """Solve by what `solve_toeplitz` takes."""
     x, info = tmg.solve_toeplitz((c, r), b, rtol=rtol, full_output=True)
@@ -88,7 +72,7 @@ TAU = {"tau": tmg.tau_preconditioner}
 ANY = ("T. Chan", "spectral", DROP_IN, DEFAULT, SCIPY)  # Those for all kinds of matrices.
 METHODS: dict[str, Method] = {
     **{name: partial(iterate, (PRECONDITIONERS | TAU)[name]) for name in TRIED},
-    "V(1,1)": v11,
+    "V(1,1)": partial(iterate, tmg.multigrid),
     DROP_IN: partial(drop_in, TOLERANCE),
     DEFAULT: partial(drop_in, None),
     SCIPY: lambda name, c, r, b: (scipy.linalg.solve_toeplitz((c, r), b), None),
