@@ -85,7 +85,7 @@ def test_so_it_is_of_cycles(options):
     ]
     for A in matrices:
         M = tmg.multigrid(A, coarsest=64, **options)
-        assert len(M.levels) > 2
+        assert len(M.levels) >= 2
         assert_says_what_is_counted(M)
         assert f"{M.work:.1f} work units" in repr(M)
     assert any(level.border for level in tmg.multigrid(matrices[1], coarsest=64).levels)

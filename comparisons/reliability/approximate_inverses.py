@@ -1,5 +1,6 @@
 """Preconditioners and cycles: what is built is symmetric positive definite."""
 
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -34,8 +35,10 @@ def preconditioner(rng: Generator) -> Outcome:
     of_all = np.linalg.eigvalsh(full.toarray().astype(np.float64))
     doubtful = of_all[0] <= of_all[-1] * (1 / DOUBT if dtype == np.float64 else 1e-4)
     try:
-        M = build(A)
-    except np.linalg.LinAlgError as error:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", "the smoother .* multigrid")
+            M = build(A)
+    except (np.linalg.LinAlgError, UserWarning) as error:
         broken = name in NEVER_REFUSE and not doubtful
         return Outcome(family, FAILED if broken else REFUSED, f"{_name(A)}: {error}")
     matrix = np.asarray(M @ np.eye(A.shape[0], dtype=dtype), dtype=np.float64)

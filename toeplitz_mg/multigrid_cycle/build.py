@@ -41,8 +41,8 @@ def multigrid(
         Coarse cycles in a cycle: 1 for V(pre, post), 2 for W(pre, post).
     coarsest : int
         A grid with at most this number of unknowns is solved by a dense Cholesky factorisation;
-        2 in the paper. So is one of up to 2048 unknowns of a mask in such fragments that no coarse
-        element is whole in it.
+        2 in the paper. So is one of up to 600 where M̄ may diverge and no smoother is given, and
+        one of up to 2048 of a mask in such fragments that no coarse element is whole in it.
     interpolation : Interpolation
         `piecewise_constant`, as in the paper, for a positive symbol; `linear_interpolation` for
         one with a zero of order 2 at θ = 0, `modulated_interpolation` for a zero at π. For a

@@ -100,7 +100,7 @@ def build_levels(
                 break
             error.add_note(f"This was the matrix of level {len(levels)} of multigrid, {A!r}.")
             raise
-        if not transfer.has_coarse_grid:
+        if not transfer.has_coarse_grid or (smoother is None and isinstance(S, DenseInverse)):
             return (*levels, Level(A, S, None, converges))
         levels.append(Level(A, S, transfer, converges, coarsen is None))
         if coarsen is None:
@@ -146,6 +146,8 @@ def _default_smoother(A: LinearOperator, transfer: Transfer) -> LinearOperator:
                 return M_bar
     # On a blob the choice for one solve is a sine transform, which smooths its edge badly.
     S = default_preconditioner(A, solves=2 if is_blob else 1)
+    if isinstance(S, DenseInverse):
+        return S  # A coarser grid would only add rounding.
     largest = float(ritz_values(A, S, STEPS)[-1])
     if not 0.0 < largest < np.inf:
         raise np.linalg.LinAlgError(f"A is {A!r}, but must be positive definite: use {INDEFINITE}")

@@ -48,6 +48,7 @@ class RowSumModified(GridOperator):
         self.diagonal.flags.writeable = False
         self.gamma = gamma
         self.certified = certified
+        self._by_signs = certified  # By the signs of the coefficients, not by eigenvalues.
 
     def toarray(self) -> Array:
         """Return the dense matrix, shape (N, N)."""
@@ -70,7 +71,7 @@ class RowSumModified(GridOperator):
         has a positive eigenvector, nearly constant, and is near γ times the row sums of A.
         """
         full, _ = unwrap_toeplitz(A)
-        if not (self.certified and (full.lags >= 0.0).all()):
+        if not (self._by_signs and (full.lags >= 0.0).all()):
             return None
         largest = float((A @ np.ones(A.shape[0], A.dtype)).max())
         return True if self.gamma * largest <= CONVERGENT else None
