@@ -19,7 +19,7 @@ FEW = 2**11  # Elements in contact up to which friction in single precision save
 # The inverse of A decays as the cube of the distance, so that FSAI of it serves sets of which up to
 # this share has changed: the diagonal alone is good enough for the others.
 ALIKE = 0.1
-PATIENCE = 32  # Iterations on sets of a line that take about as long as a set-up of FSAI.
+PATIENCE = 40  # Iterations on sets of a line that take about as long as a set-up of FSAI.
 WIDE = 2**17  # Fewest elements of a grid whose transforms take longer than FSAI of a few of them.
 
 
