@@ -152,7 +152,7 @@ TABLE = [  # Case, measure, what was measured, budget.
     ("rolling to 1 % on coarser grids first, 6 cases", "products", 30, 39),
     ("rolling, long and narrow", "products", 87, 113.1),
     ("rolling, narrow and sticking nearly everywhere", "products", 274, 356.2),
-    ("rough profile", "products", 18, 23.4),
+    ("rough profile", "products", 63, 81.9),
     ("rough surface that repeats, n = 1024", "products", 41, 53.3),
     ("rough surface that repeats, n = 1024", "work_units", 81.6895, 106.2),
     ("rough surface that repeats, n = 256", "products", 35, 45.5),
