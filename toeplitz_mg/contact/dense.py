@@ -9,6 +9,7 @@ from scipy.linalg import lu_factor, lu_solve
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_work
+from toeplitz_mg.operators import CoupledOperator
 
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
 
@@ -31,8 +32,17 @@ class DenseMatrix:
     vectors = VECTORS
 
     def __init__(self, K: Any, contact: Array) -> None:
-        m = K.shape[0] // contact.size
-        self.array = K.block(np.flatnonzero(np.tile(contact.ravel(), m)))
+        blocks = K.blocks if isinstance(K, CoupledOperator) else [[K]]
+        m = np.count_nonzero(contact)
+        self.array = np.zeros((len(blocks) * m, len(blocks) * m))
+        # The number of a lag is the difference of those of two elements on the grid of lags.
+        number = np.ravel_multi_index(contact.nonzero(), [2 * n - 1 for n in contact.shape])
+        lag = np.subtract.outer(number, number)
+        for i, row in enumerate(blocks):
+            for j, block in enumerate(row):
+                if block is not None:
+                    lags = block.lags.ravel()
+                    self.array[i * m :, j * m :][:m, :m] = lags[lag + len(lags) // 2]
         is_single = LEAST_UNIT < self.array[0, 0] < MOST_UNIT
         self.rough = self.array.astype(np.float32) if is_single else self.array
         for array in (self.array, self.rough):

@@ -1,6 +1,7 @@
 """The potential contact area: a grid of elements on the half-space, and its matrices."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from math import prod
 from typing import Any, Self
 
@@ -31,7 +32,9 @@ from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import in_range
 
 SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyte each, at most.
-DENSE = 400  # Most unknowns of a matrix that is kept as an array, to be solved directly.
+# Most unknowns of a matrix that is kept as an array, to be solved directly, and how many are kept:
+# one of 640 takes 7 MB.
+DENSE, ARRAYS = 640, 8
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
 COARSEST_LINE = 256  # Those of a line, where products take little beside the calls of more grids.
 
@@ -232,7 +235,7 @@ class Grid:
             return self._dense(contact.tobytes(), steady)
         return None
 
-    @keep
+    @partial(keep, most=ARRAYS)
     def _dense(self, contact: bytes, steady: bool) -> DenseMatrix:
         A = self.tangential()
         A = self.steady(A) if steady else A

@@ -8,17 +8,17 @@ from collections.abc import Callable
 from functools import lru_cache, wraps
 from typing import Any, TypeVar
 
-KEPT = 32  # Results of each function that are kept.
+KEPT = 32  # Results of a function that are kept, by default.
 
 Result = TypeVar("Result")
 
 
-def keep(function: Callable[..., Result]) -> Callable[..., Result]:
+def keep(function: Callable[..., Result], most: int = KEPT) -> Callable[..., Result]:
     """Let a function keep what it returns for small grids; what is returned must not be changed.
 
     Its first argument is a grid, and the others are what can be hashed.
     """
-    kept = lru_cache(maxsize=KEPT)(function)
+    kept = lru_cache(maxsize=most)(function)
 
     @wraps(function)
     def look_up(grid: Any, *arguments: Any) -> Result:

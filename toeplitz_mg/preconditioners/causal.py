@@ -33,7 +33,7 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import keep_bits
+from toeplitz_mg.engine.threads import keep_bits, share_slices
 from toeplitz_mg.engine.vectors import VECTORS, Vectors
 from toeplitz_mg.engine.work import count_work, points_of_transform
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
@@ -46,6 +46,7 @@ LEAST = 0.5
 # are longer at least: with all lags it takes as many iterations. Across they have all lags, or
 # some narrow contacts of elements that are longer than wide do not converge.
 LONGER, GAP = 1.5, 8
+PANEL_BYTES = 2**20  # Bytes of the columns that are transformed at once: they stay in the cache.
 # Additions to the matrix whose inverses are interpolated, over its diagonal.
 ADDITIONS = np.array([0.0, 0.3, 2.0])
 
@@ -75,14 +76,26 @@ class FieldTransform:
         x = x.reshape(-1, self._rows, self._columns)
         with keep_bits(self.dtype, len(x) * self._rows):
             Z = fft.rfft(x, self._last)
-        return Z if self._length == 1 else fft.fft(Z, self._length, axis=1, overwrite_x=True)
+        return self._along_columns(fft.fft, Z, self._length)
 
     def backward(self, Z: Array) -> Array:
-        """Return the fields of transforms, cut to the grid: `Z` is overwritten."""
-        if self._length > 1:
-            Z = fft.ifft(Z, axis=1, overwrite_x=True)[:, : self._rows]
+        """Return the fields of transforms, cut to the grid."""
+        Z = self._along_columns(fft.ifft, Z, self._rows)
         with keep_bits(self.dtype, len(Z) * self._rows):
             return fft.irfft(Z, self._last)[..., : self._columns].reshape(-1, *self._grid)
+
+    def _along_columns(self, transform: Callable[..., Array], Z: Array, rows: int) -> Array:
+        """Return so many rows of transforms along the columns, which threads share."""
+        if self._length == 1:
+            return Z
+        out = np.empty((len(Z), rows, Z.shape[2]), Z.dtype)
+
+        def work(part: slice) -> None:
+            out[..., part] = transform(Z[..., part], self._length, axis=1)[:, :rows]
+
+        column = len(Z) * self._length * Z.itemsize
+        share_slices(work, Z.shape[2], 1 + PANEL_BYTES // column, Z.size)
+        return out
 
 
 class ShiftedInverses:
