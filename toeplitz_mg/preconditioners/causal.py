@@ -36,6 +36,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import keep_bits, share_slices
 from toeplitz_mg.engine.vectors import VECTORS, Vectors
 from toeplitz_mg.engine.work import count_work, points_of_transform
+from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 
 WRAPPED = 0.03  # What goes around a circulant comes back so many times as large.
@@ -88,7 +89,7 @@ class FieldTransform:
         """Return so many rows of transforms along the columns, which threads share."""
         if self._length == 1:
             return Z
-        out = np.empty((len(Z), rows, Z.shape[2]), Z.dtype)
+        out = workspace((len(Z), rows, Z.shape[2]), Z.dtype)
 
         def work(part: slice) -> None:
             out[..., part] = transform(Z[..., part], self._length, axis=1)[:, :rows]
@@ -206,7 +207,7 @@ class ShiftedInverses:
         """Return the fields, (k, components, ...), of sums of eigenvalues times transforms."""
         components, *frequencies = sums[0][0][0].shape
         count_work(1, len(sums) * components * self._points)
-        Z = np.empty((len(sums), components, *frequencies), sums[0][0][0].dtype)
+        Z = workspace((len(sums), components, *frequencies), sums[0][0][0].dtype)
         for z, ((X, eigenvalues), *others) in zip(Z, sums, strict=True):
             np.multiply(X, eigenvalues, out=z)
             for other, factors in others:
