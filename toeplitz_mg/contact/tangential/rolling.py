@@ -28,7 +28,6 @@ from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_r
 from toeplitz_mg.contact.tangential.shifting import slide_off
 from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.engine.workspace import keep_freed_memory
 from toeplitz_mg.operators import apply_to_rows
 
 # Rounding of what creepages leave of a slip that is given, over that slip, at most.
@@ -259,7 +258,6 @@ def roll(
         q = check_previous(guess, grid, (grid.components, *g.shape), is_guess=True)
         before = q, guess.contact & ~guess.stick
     h, given = grid.element[0], motion.largest_slip(grid, g > 0.0)
-    keep_freed_memory()
     with count_products() as work:
         window = grid.window(g > 0.0)
         g, b = window.cut(g), -h * window.cut(motion.rigid_slip(grid))
