@@ -4,7 +4,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg import get_lapack_funcs
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.vectors import VECTORS
@@ -25,8 +25,8 @@ class DenseMatrix:
 
     Attributes
     ----------
-    array, rough : ndarray
-        In double precision, and in single where that is good enough.
+    array : ndarray
+        In double precision.
     """
 
     vectors = VECTORS
@@ -44,13 +44,20 @@ class DenseMatrix:
                     lags = block.lags.ravel()
                     self.array[i * m :, j * m :][:m, :m] = lags[lag + len(lags) // 2]
         is_single = LEAST_UNIT < self.array[0, 0] < MOST_UNIT
-        self.rough = self.array.astype(np.float32) if is_single else self.array
-        for array in (self.array, self.rough):
+        # In single precision, where its range is that of the numbers.
+        self._rough_inverse = _invert(self.array.astype(np.float32) if is_single else self.array)
+        for array in (self.array, self._rough_inverse):
             array.flags.writeable = False
 
     @cached_property
-    def _factors(self) -> Any:
-        return lu_factor(self.rough)
+    def _inverse(self) -> Array:
+        inverse = _invert(self.array)
+        inverse.flags.writeable = False
+        return inverse
+
+    def inverse(self, *, precisely: bool) -> Array:
+        """Return the inverse, in double precision or in single."""
+        return self._inverse if precisely else self._rough_inverse
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply a field of the elements in contact."""
@@ -61,6 +68,16 @@ class DenseMatrix:
         """Return the tractions that have these displacements in a step, to some 10 digits."""
         q = np.zeros(len(u))
         for _ in range(2):
-            rest = (u - self.array @ q).astype(self.rough.dtype)
-            q += lu_solve(self._factors, rest)
+            rest = (u - self.array @ q).astype(self._rough_inverse.dtype)
+            q += self._rough_inverse @ rest
         return q
+
+
+def _invert(A: Array) -> Array:
+    """Return the inverse, in a third of the time of `numpy.linalg.inv`."""
+    getrf, getri, getri_lwork = get_lapack_funcs(("getrf", "getri", "getri_lwork"), (A,))
+    factors, pivots, _ = getrf(A.T)
+    size, _ = getri_lwork(len(A))
+    inverse, _ = getri(factors, pivots, lwork=int(size), overwrite_lu=True)
+    result: Array = inverse.T
+    return result

@@ -1,8 +1,8 @@
 """Steps of Newton's method where the elements in contact are few, and the matrix is an array.
 
 The search knows the elements in contact only, as one axis. The unknowns of its linear systems are
-the changes of the tractions: all components where an element sticks, and one where it slides. They
-are solved in single precision, which leaves a part of some 1e-6 of each to the next one.
+the slip that may be left where elements slide, as the inverse of the matrix is at hand. They are
+solved in single precision, which leaves a part of some 1e-6 of each to the next one.
 
 Bodies that roll start from the leading edge. The growth of the tractions is that of bonded bodies
 here, so that the start is exact where nothing slips.
@@ -114,35 +114,40 @@ def solve_on_tangents(
     ndarray of shape (k, components, m)
         It is no solution where the system is singular: then the areas do not settle.
     """
-    matrix = K.array if precisely else K.rough
-    m, components = len(stiffness), len(n)
-    stuck, slid = np.flatnonzero(areas.stick), np.flatnonzero(areas.slide)
-    if components == 1:
-        slid = slid[:0]  # There the tractions cannot turn.
-    stuck = np.concatenate([stuck + k * m for k in range(components)])
-    x, y = n[:, slid, None].astype(matrix.dtype) if len(slid) else np.zeros((2, 0, 1), matrix.dtype)
-    bound = len(stuck)
-
-    def project(fields: Array) -> Array:
-        parts = np.empty((bound + len(slid), fields.shape[1]), fields.dtype)
-        fields.take(stuck, axis=0, out=parts[:bound], mode="clip")
-        if len(slid):
-            parts[bound:] = x * fields.take(slid + m, axis=0) - y * fields.take(slid, axis=0)
-        return parts
-
-    fields = r.reshape(len(r), -1).astype(matrix.dtype)
-    v = np.zeros_like(fields)
-    # The rows of the transposed system: LAPACK wants the columns of the system one by one.
-    system = project(np.ascontiguousarray(project(matrix).T))
-    if len(system):
-        system.ravel()[:: len(system) + 1][bound:] += stiffness[slid]
-        gesv = lapack.sgesv if matrix.dtype == np.float32 else lapack.dgesv
-        right = project(fields.T)
-        *_, weights, _ = gesv(system.T, right, overwrite_a=True, overwrite_b=True)
-        v[:, stuck], turns = weights[:bound].T, weights[bound:].T
-        if len(slid):
-            v[:, slid], v[:, slid + m] = -y[:, 0] * turns, x[:, 0] * turns
-    v = v.astype(np.float64).reshape(r.shape)
+    inverse, k0 = K.inverse(precisely=precisely), K.array[0, 0]
+    slid, m = np.flatnonzero(areas.slide), len(stiffness)
+    exact, stiffness = n[:, slid], stiffness[slid]
+    n = exact.astype(inverse.dtype)
+    r = r.reshape(len(r), -1).astype(inverse.dtype)
+    # Find f = r - K v, which is zero where it sticks: then v is K⁻¹ (r - f).
+    v = r @ inverse.T
+    if not len(slid):
+        return v.astype(np.float64).reshape(len(r), len(n), m)
+    unknowns = np.concatenate([slid + k * m for k in range(len(n))])
+    # Each row has the coefficients of an unknown. Rows are gathered fast, columns are not.
+    system = np.ascontiguousarray(inverse.take(unknowns, axis=0).T).take(unknowns, axis=0)
+    right, s = v.take(unknowns, axis=1), len(slid)
+    if len(n) == 2:
+        # Along the traction v is zero, and across it f = λ v, which is divided by k₀ + λ.
+        x, y = n
+        share = (stiffness / (k0 + stiffness)).astype(n.dtype)
+        for rows in (system, right):
+            of_x, of_y = rows[:, :s], rows[:, s:]
+            along, across = x * of_x + y * of_y, x * of_y - y * of_x
+            rows[:, :s], rows[:, s:] = along, across * share
+        k, of_f = np.arange(s), (1.0 - share) / k0
+        system[k, k + s] -= y * of_f
+        system[k + s, k + s] += x * of_f
+    gesv = lapack.sgesv if system.dtype == np.float32 else lapack.dgesv
+    f = gesv(system.T, right.T, overwrite_a=True, overwrite_b=True)[2].T
+    r[:, unknowns] -= f
+    v = r @ inverse.T
+    if len(n) == 2:
+        # Where λ is large what is left of v by cancellation is rounding: there it is f/λ.
+        across = x * f[:, s:] - y * f[:, :s], x * v[:, slid + m] - y * v[:, slid]
+        turns = np.where(stiffness > k0, across[0] / np.maximum(stiffness, k0), across[1])
+        v[:, slid], v[:, slid + m] = -y * turns, x * turns
+    v = v.astype(np.float64).reshape(len(r), len(n), m)
     # What rounding leaves along the tractions is taken out.
-    v[..., slid] -= n[:, slid] * (n[:, slid] * v[..., slid]).sum(axis=1)[:, None]
+    v[..., slid] -= exact * (exact * v[..., slid]).sum(axis=1)[:, None]
     return v
