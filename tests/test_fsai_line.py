@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import toeplitz_mg as tmg
 from tests.budgets import assert_within_budget
 from tests.cases import contact
+from tests.systems import seeded
 from tests.test_fsai import both_iterations
 
 
@@ -21,10 +22,6 @@ def long_memory(n):
 
 
 SLOW = {"contact": contact, "1/(1+k)": power(1.0), "1/(1+k)²": power(2.0), "fGn": long_memory}
-
-
-def random(*shape):
-    return np.random.default_rng(0).standard_normal(shape)
 
 
 @pytest.mark.parametrize("n", [1, 2, 16, 100])
@@ -50,15 +47,16 @@ def test_iterations_hardly_depend_on_n(name, dtype):
         assert_within_budget("FSAI, a whole line", iterations=max(both_iterations(A, P)))
 
 
-@pytest.mark.parametrize("shape", [(1, 700), (700, 1)])
+@pytest.mark.parametrize("shape", [(1, 700), (700, 1), (700, 1, 1)])
 def test_a_grid_of_one_line_is_a_line(shape):
-    c = contact(700)
-    P = tmg.fsai_preconditioner(tmg.ToeplitzOperator(c))
-    Q = tmg.fsai_preconditioner(tmg.ToeplitzOperator(c.reshape(shape)))
-    x = random(700)
-    assert_array_equal(P @ x, Q @ x)
-    everything = tmg.MaskedOperator(tmg.ToeplitzOperator(c), np.ones(700, bool))
-    assert_array_equal(P @ x, tmg.fsai_preconditioner(everything) @ x)
+    line, grid = (tmg.ToeplitzOperator(c) for c in (contact(700), contact(700).reshape(shape)))
+    for mask in (np.ones(700, bool), np.arange(700) % 30 > 1):
+        masked = tmg.MaskedOperator(line, mask), tmg.MaskedOperator(grid, mask.reshape(shape))
+        P, *others = map(tmg.fsai_preconditioner, [*masked, line, grid] if mask.all() else masked)
+        x = seeded(P.shape[0])
+        for Q in others:
+            assert_array_equal(P @ x, Q @ x)
+        assert others[0].grid_shape == shape
 
 
 @pytest.mark.parametrize(

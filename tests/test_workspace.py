@@ -13,15 +13,12 @@ from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.cases import QUICK, aggregate, contact, dense_of_column, exponential
-
-
-def random(*shape, seed=0):
-    return np.random.default_rng(seed).standard_normal(shape)
+from tests.systems import seeded
 
 
 def operators(A):
     """Operators whose products need memory of their own."""
-    mask = random(*A.grid_shape) < 0.8
+    mask = seeded(*A.grid_shape) < 0.8
     for B in (A, tmg.MaskedOperator(A, mask)):
         yield B
         yield from (
@@ -48,7 +45,7 @@ def test_no_operator_uses_what_was_in_the_memory(shape):
     A = tmg.ToeplitzOperator(c)
     coupled = tmg.CoupledOperator([[A, None], [A, A]])
     for M in (*operators(A), coupled):
-        x = random(M.shape[1])
+        x = seeded(M.shape[1])
         before = M @ x
         assert not np.isfinite(M @ np.full(M.shape[1], np.nan)).all()
         assert np.array_equal(M @ x, before)
@@ -106,7 +103,7 @@ def test_a_smoother_that_is_a_cycle_is_the_matrix_it_is_by_itself(shape, name):
     def kept(A):
         return aslinearoperator(inner(A) @ np.eye(A.shape[0]))
 
-    x = random(A.shape[0])
+    x = seeded(A.shape[0])
     y = tmg.multigrid(A, smoother=inner, coarsest=16) @ x
     expected = tmg.multigrid(A, smoother=kept, coarsest=16) @ x
     assert_allclose(y, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
@@ -116,7 +113,7 @@ def test_an_operator_may_be_called_by_its_callers():
     """By the callback of an iteration, and by an operator of the user within a cycle."""
     n = 5000
     A = tmg.ToeplitzOperator(contact(n))
-    b, other = random(2, n)
+    b, other = seeded(2, n)
     M = tmg.multigrid(A)
     expected, _ = tmg.cg(A, b, M=M, rtol=1e-8)
     product = M @ (A @ other)
@@ -137,7 +134,7 @@ def test_an_operator_may_be_called_by_its_callers():
 def test_a_product_after_an_interrupted_one_is_right(shape, workers):
     """Another thread, which is in the midst of a part of it, writes to no memory afterwards."""
     A = tmg.ToeplitzOperator(contact(*shape))
-    x, wrong = random(A.shape[0]), np.full(A.shape[0], 1e3)
+    x, wrong = seeded(A.shape[0]), np.full(A.shape[0], 1e3)
     here = threading.current_thread()
     expected = A @ x
 
@@ -170,7 +167,7 @@ def test_a_product_after_an_interrupted_one_is_right(shape, workers):
 @pytest.mark.parametrize("shape", [(2**19,), (700, 600)])
 def test_products_again_and_again_take_no_more_memory(shape, workers):
     A = tmg.ToeplitzOperator(contact(*shape))
-    mask = random(*shape) < 0.5
+    mask = seeded(*shape) < 0.5
     x = np.ones(A.shape[0])
     several = [A, tmg.MaskedOperator(A, mask), tmg.multigrid(A), tmg.fft_rsm_preconditioner(A)]
     with scipy.fft.set_workers(workers):
