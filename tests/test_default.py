@@ -18,6 +18,7 @@ from comparisons.systems.random_matrices import random_matrix
 from comparisons.systems.symbols import column
 from tests.budgets import assert_within_budget
 from tests.cases import contact, exponential
+from tests.systems import count_iterations
 from tests.test_fsai import tangential
 from toeplitz_mg.paper import problems
 
@@ -28,10 +29,7 @@ def iterations(A, M, most=40, seed=0):
     b = rng.standard_normal(A.shape[0])
     if A.dtype.kind == "c":
         b = b + 1j * rng.standard_normal(A.shape[0])
-    residuals = []
-    _, info = tmg.cg(A, b, M=M, rtol=1e-8, maxiter=most, residuals=residuals)
-    assert info == 0
-    return len(residuals) - 1
+    return count_iterations(tmg.cg, A, b, M=M, maxiter=most)
 
 
 def check(case, A, **options):
@@ -249,8 +247,6 @@ def test_what_it_refuses():
     for function in (tmg.default_preconditioner, tmg.select_preconditioner):
         with pytest.raises(ValueError, match="solves is 0, but must be at least 1"):
             function(A, solves=0)
-        with pytest.raises(TypeError, match=r"solves is 1\.5, but must be an integer"):
-            function(A, solves=1.5)
         with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
             function(tmg.cosine_preconditioner(A))
     with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
@@ -261,13 +257,6 @@ def test_what_it_refuses():
         tmg.default_preconditioner(tmg.ToeplitzOperator(c))
     with pytest.raises(np.linalg.LinAlgError, match="or gmres, which takes any matrix, or cg"):
         tmg.default_preconditioner(tmg.ToeplitzOperator(np.eye(1, 900).reshape(30, 30) - 2.0))
-
-
-@pytest.mark.parametrize("size", [1e-200, 1e200])
-def test_it_does_not_depend_on_the_unit(size):
-    c, x = 1.0 / (1.0 + np.arange(3000)), np.random.default_rng(0).standard_normal(3000)
-    M, scaled = (tmg.default_preconditioner(tmg.ToeplitzOperator(s * c)) for s in (1.0, size))
-    assert_allclose(size * (scaled @ x), M @ x, atol=1e-9 * abs(M @ x).max())
 
 
 # Complex matrices -----------------------------------------------------------------------------
