@@ -16,6 +16,7 @@ import toeplitz_mg as tmg
 from comparisons.systems.symbols import NONSYMMETRIC
 from tests.budgets import assert_within_budget
 from tests.cases import checkered, contact, exponential
+from tests.systems import count_iterations
 from toeplitz_mg.paper import problems
 
 ALL = [
@@ -90,14 +91,11 @@ PAPERS = [problems.test1, problems.test2, problems.test3]
 @pytest.mark.parametrize("preconditioner", [*ALL[:2], *ALL[3:5]], ids=lambda f: f.__name__)
 @pytest.mark.parametrize("test", PAPERS)
 def test_iterations_of_cg(test, preconditioner):
-    problem, residuals = test(2048), []
-    M = preconditioner(problem.A)
-    x, info = tmg.cg(problem.A, problem.b, M=M, rtol=1e-8, residuals=residuals)
-    assert info == 0
-    assert np.linalg.norm(problem.b - problem.A @ x) <= 1.1e-8 * np.linalg.norm(problem.b)
+    problem = test(2048)
+    count = count_iterations(tmg.cg, problem.A, problem.b, M=preconditioner(problem.A))
     of_what = "on an area with holes" if test is problems.test3 else "on an interval"
     case = f"{preconditioner.__name__}, {of_what}"
-    assert_within_budget(case, iterations=len(residuals) - 1)
+    assert_within_budget(case, iterations=count)
 
 
 @pytest.mark.parametrize("test", PAPERS)
@@ -218,25 +216,21 @@ def test_rsm_refuses_a_gamma_below_the_rounding_of_row_sums(dtype):
         assert (M_bar @ np.ones(B.shape[0], dtype)).min() > 0.0
 
 
-def test_rsm_refuses_row_sums_that_are_not_positive():
-    with pytest.raises(np.linalg.LinAlgError, match=r"gamma is -78\.3"):
-        tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(np.exp(-np.arange(1024) / 1000)))
-
-
-INDEFINITE = [
-    (np.cos(2.7 * np.arange(202)) * np.exp(-np.arange(202) / 22.8), 0.04, (1, 6, 4), None),
-    (np.exp(-((np.arange(420) / 7.473) ** 2) / 2), 1.2472e-6, (0, 10, 2), 1e-3),
+K = np.arange(420)
+THETA = np.minimum(np.arange(4096), 4096 - np.arange(4096)) * 2 * np.pi / 4096
+INDEFINITE = [  # Coefficients, mask, γ and what is said.
+    # Of the first two a few steps of Lanczos's method do not see it.
+    ((np.cos(2.7 * K) * np.exp(-K / 22.8) + 0.04 * (K == 0))[:202], K**2 % 6 < 4, None, None),
+    (np.exp(-((K / 7.473) ** 2) / 2) + 1.2472e-6 * (K == 0), K % 10 >= 2, 1e-3, None),
+    (np.fft.ifft(THETA**3 + 0.01).real[:300], K >= 0, None, "is not positive definite"),
+    (np.exp(-K / 400), K >= 0, None, r"gamma is -"),
 ]
 
 
-@pytest.mark.parametrize(("c", "nugget", "pattern", "gamma"), INDEFINITE)
-def test_rsm_refuses_what_is_indefinite_by_a_little(c, nugget, pattern, gamma):
-    """Found by review: a few steps of Lanczos's method do not see these."""
-    k = np.arange(len(c))
-    squared, period, least = pattern
-    mask = k**2 % period < least if squared else k % period >= least
-    A = tmg.MaskedOperator(tmg.ToeplitzOperator(c + nugget * (k == 0)), mask)
-    with pytest.raises(np.linalg.LinAlgError):
+@pytest.mark.parametrize(("c", "mask", "gamma", "message"), INDEFINITE)
+def test_rsm_refuses_what_is_indefinite(c, mask, gamma, message):
+    A = tmg.MaskedOperator(tmg.ToeplitzOperator(c), mask[: len(c)])
+    with pytest.raises(np.linalg.LinAlgError, match=message):
         tmg.fft_rsm_preconditioner(A, gamma=gamma)
 
 
@@ -252,35 +246,12 @@ def test_rsm_says_what_is_certified():
         assert tmg.fft_rsm_preconditioner(full).certified
 
 
-def test_rsm_refuses_a_positive_gamma_that_leaves_it_indefinite():
-    theta = 2 * np.pi * np.arange(4096) / 4096
-    c = np.fft.ifft(np.minimum(theta, 2 * np.pi - theta) ** 3 + 0.01).real[:300]
-    with pytest.raises(np.linalg.LinAlgError, match="is not positive definite"):
-        tmg.fft_rsm_preconditioner(tmg.ToeplitzOperator(c))
-
-
-@pytest.mark.parametrize(("m", "error"), [(0, ValueError), (9, ValueError), (2.0, TypeError)])
-def test_deflation_refuses_numbers_of_subdomains(m, error):
-    with pytest.raises(error):
-        tmg.fft_sd_preconditioner(tmg.ToeplitzOperator(contact(8)), n_subdomains=m)
-
-
-@pytest.mark.parametrize(
-    "preconditioner",
-    [*ALL, tmg.spectral_preconditioner, tmg.fsai_preconditioner, tmg.default_preconditioner],
-    ids=lambda f: f.__name__,
-)
-def test_the_operator_may_be_given_by_name(preconditioner):
-    A = tmg.ToeplitzOperator(contact(8))
-    assert np.array_equal(preconditioner(A=A) @ np.ones(8), preconditioner(A) @ np.ones(8))
-
-
-@pytest.mark.parametrize("shape", [(20,), (300,), (6, 7), (20, 30), (3, 4, 5)], ids=str)
+@pytest.mark.parametrize("shape", [(20,), (3000,), (6, 7), (20, 30), (3, 4, 5)], ids=str)
 @pytest.mark.parametrize("scale", [2.0**-1000, 2.0**1000])
 def test_they_scale_as_the_matrix_does(shape, scale):
     c = exponential(*shape)
     of_lines = [tmg.spectral_preconditioner] * (len(shape) == 1)
-    for preconditioner in (*ALL, tmg.jacobi_preconditioner, *of_lines):
+    for preconditioner in (*ALL, tmg.jacobi_preconditioner, tmg.default_preconditioner, *of_lines):
         M, scaled = (preconditioner(tmg.ToeplitzOperator(s * c)) for s in (1.0, scale))
         x = np.random.default_rng(0).standard_normal(c.size)
         y = M @ x
@@ -291,8 +262,9 @@ def test_they_scale_as_the_matrix_does(shape, scale):
 def test_deflation_of_one_unknown_leaves_nothing(shape):
     A = tmg.ToeplitzOperator(np.full(shape, 3.0))
     assert abs(tmg.fft_sd_preconditioner(A) @ np.ones(1)) <= 1e-15
-    with pytest.raises(ValueError, match=r"n_subdomains is 2, but must lie between 1 and the .* 1"):
-        tmg.fft_sd_preconditioner(A, n_subdomains=2)
+    for m in (0, 2):
+        with pytest.raises(ValueError, match=f"n_subdomains is {m}, but must (be|lie)"):
+            tmg.fft_sd_preconditioner(A, n_subdomains=m)
 
 
 @each
@@ -412,22 +384,13 @@ def test_an_argument_of_the_wrong_type_is_named(function, argument):
         function(A_FEW, **argument)
 
 
-@pytest.mark.parametrize("neighbours", [101, 10**30])
-def test_fsai_refuses_more_neighbours_than_can_be_of_use(neighbours):
-    with pytest.raises(ValueError, match=f"neighbours is {neighbours}, but must be at most 100"):
-        tmg.fsai_preconditioner(A_FEW, neighbours=neighbours)
-
-
 @pytest.mark.parametrize("name", NONSYMMETRIC)
 def test_iterations_with_a_circulant_of_a_general_matrix_do_not_depend_on_its_size(name):
     """GMRES with T. Chan's circulant, to 1e-8."""
     counts = []
     for n in (2**10, 2**12, 2**14):
         A = tmg.ToeplitzOperator(*NONSYMMETRIC[name](n))
-        b, residuals = np.random.default_rng(n).standard_normal(n), []
-        x, info = tmg.gmres(A, b, M=tmg.chan_preconditioner(A), rtol=1e-8, residuals=residuals)
-        assert info == 0
-        assert np.linalg.norm(b - A @ x) <= 1.01e-8 * np.linalg.norm(b)
-        counts.append(len(residuals) - 1)
+        b = np.random.default_rng(n).standard_normal(n)
+        counts.append(count_iterations(tmg.gmres, A, b, M=tmg.chan_preconditioner(A)))
     assert counts[2] <= counts[0] + 1
     assert_within_budget("chan_preconditioner, general matrices", iterations=counts[2])
