@@ -223,11 +223,6 @@ def test_friction_of_like_materials_is_not_coupled():
         )
 
 
-def test_combined_materials_are_checked_all_the_same():
-    with pytest.raises(ValueError, match="G is -1"):
-        friction(np.ones(9), 1.0, material=halfspace.CombinedMaterial(-1.0, 0.3), shift=1.0)
-
-
 # How it is said -------------------------------------------------------------------------------
 
 
