@@ -152,7 +152,6 @@ def test_a_result_says_how_many_elements_yield():
     soft = normal_contact(gap, hardness=0.8 * P0, **case)
     count = (soft.plastic > 0.0).sum()
     assert f"yields            {count} elements, by {soft.plastic.max():.5g} mm" in soft.summary()
-    assert "yields            0 elements" in normal_contact(gap, hardness=9 * P0, **case).summary()
     assert "yields" not in normal_contact(gap, **case).summary()
 
 
