@@ -3,9 +3,6 @@
 They are right to the digits that the condition number leaves, of real and of Hermitian matrices.
 """
 
-import math
-from fractions import Fraction
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -14,6 +11,7 @@ from numpy.testing import assert_allclose
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import HERMITIAN, column
 from tests.budgets import assert_within_budget
+from tests.systems import in_long_numbers
 
 COVARIANCES = [
     "θ⁴ + 1",
@@ -24,20 +22,6 @@ COVARIANCES = [
     "|θ|",
     "2 + 2 cos θ",
 ]
-
-
-def in_long_numbers(c):
-    """By Durbin's recursion on integers, which are numbers of 200 bits, and log det A."""
-    unit = 1 << 200
-    lags = np.array([int(Fraction(float(lag)) * unit) for lag in c], dtype=object)
-    phi, error, found, logdet = np.empty(0, dtype=object), lags[0], [], math.log(lags[0] / unit)
-    for m in range(1, len(c)):
-        gamma = (lags[m] * unit - int(phi @ lags[m - 1 : 0 : -1])) // error
-        phi = np.append(phi - gamma * phi[::-1] // unit, gamma)
-        error -= (gamma * gamma // unit) * error // unit
-        found.append(gamma / unit)
-        logdet += math.log(error / unit)
-    return np.array(found), logdet
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 40])
@@ -68,7 +52,7 @@ def test_they_are_the_ratios_of_the_prediction_errors(name, turn, n):
 def test_they_have_the_digits_that_the_condition_number_leaves(name, n):
     c = column(name, n)
     eigenvalues = np.linalg.eigvalsh(scipy.linalg.toeplitz(c))
-    expected, _ = in_long_numbers(c)
+    *_, expected = in_long_numbers(c)
     atol = 1e-14 * eigenvalues[-1] / eigenvalues[0]
     assert_allclose(tmg.reflection_coefficients(c), expected, rtol=0, atol=max(atol, 1e-13))
 
@@ -131,7 +115,7 @@ def spectral_lines(n):
 @pytest.mark.parametrize("n", [100, 512, 600])
 def test_no_digits_of_a_determinant_are_lost_where_the_spectrum_has_lines(n):
     c = spectral_lines(n)
-    _, logdet = in_long_numbers(c)
+    logdet, *_ = in_long_numbers(c)
     assert tmg.toeplitz_logdet(c) == pytest.approx(logdet, rel=1e-12)
     assert abs(tmg.toeplitz_logdet(c) - logdet) <= tmg.ToeplitzNormal(c).logdet_error
 
