@@ -247,27 +247,19 @@ def test_takes_what_scipy_takes(solver):
 
 
 @each
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("scale", [1e-200, 1e-36, 1e-30, 1e30, 1e36, 1e200])
-def test_tiny_and_huge_right_hand_sides(solver, scale, dtype):
-    """Their squares under- and overflow; the answer must not depend on it."""
-    scale = scale if dtype == np.float64 else scale ** (1.0 if 1e-37 < scale < 1e37 else 0.1)
-    B = tmg.ToeplitzOperator((0.5 ** np.arange(50)).astype(dtype))
-    b = (scale * np.linspace(1, 2, 50)).astype(dtype)
-    x, info = solver(B, b, M=tmg.fft_rsm_preconditioner(B), rtol=1e-5)
-    assert info == 0
-    assert x.dtype == dtype
-    assert_allclose(B @ (x / dtype(scale)), b / dtype(scale), rtol=1e-3)
-
-
-@each
-@pytest.mark.parametrize("power", [-900, -400, 400, 1000])
+@pytest.mark.parametrize(
+    ("dtype", "power"),
+    [
+        *(("d", power) for power in (-900, -400, 400, 1000)),
+        *(("f", p) for p in (-100, -70, 70, 110)),
+    ],
+)
 @pytest.mark.parametrize("with_guess", [False, True])
-def test_a_power_of_two_scales_every_iterate_and_changes_no_digit(solver, power, with_guess):
-    """Squares of these numbers are 0 or inf in float64."""
-    B = tmg.ToeplitzOperator(0.5 ** np.arange(50))
-    b, x0 = np.random.default_rng(0).standard_normal((2, 50))
-    options = {"M": tmg.fft_rsm_preconditioner(B), "rtol": 1e-9}
+def test_a_power_of_two_scales_every_iterate_and_changes_no_digit(solver, dtype, power, with_guess):
+    """Squares of these numbers are 0 or inf in their precision."""
+    B = tmg.ToeplitzOperator((0.5 ** np.arange(50)).astype(dtype))
+    b, x0 = np.random.default_rng(0).standard_normal((2, 50)).astype(dtype)
+    options = {"M": tmg.fft_rsm_preconditioner(B), "rtol": 1e-9 if dtype == "d" else 1e-4}
     options |= {"restart": 4} if solver is tmg.gmres else {}
     ours, scaled = [], []
     for scale, history in ((1.0, ours), (2.0**power, scaled)):
@@ -276,6 +268,7 @@ def test_a_power_of_two_scales_every_iterate_and_changes_no_digit(solver, power,
             options["callback"] = lambda x, i=iterates: i.append(x.copy())
         x, info = solver(B, scale * b, guess, residuals=residuals, **options)
         assert info == 0
+        assert x.dtype == dtype
         history += [v / scale for v in (*residuals, *np.ravel([*iterates, x]))]
     assert ours == scaled
 
