@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import toeplitz
 
-import toeplitz_mg as tmg
 from tests.cases import CASES, dense_of_kernel
+from tests.systems import seeded
 from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.products import ToeplitzProduct
@@ -25,21 +25,15 @@ from toeplitz_mg.operators.coefficients import Coefficients
 LENGTHS = [100, 1000, 40000]  # By the matrix, by one transform, by one in panels.
 
 
-def random(*shape, dtype=np.float64, seed=0):
-    rng = np.random.default_rng(seed)
-    x = rng.standard_normal(shape)
-    return (x + 1j * rng.standard_normal(shape) if np.dtype(dtype).kind == "c" else x).astype(dtype)
-
-
 # One axis -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.complex128])
 @pytest.mark.parametrize("n", LENGTHS)
 def test_the_result_may_replace_the_vector(n, dtype):
-    lags = random(2 * n - 1, dtype=dtype)
+    lags = seeded(2 * n - 1, dtype=dtype)
     product = ToeplitzProduct.of(lags[n - 1 :], lags[n - 1 :: -1], dtype)
-    X = random(2, n, dtype=dtype)
+    X = seeded(2, n, dtype=dtype)
     expected = product(X)
     out = np.empty_like(X)
     assert product(X, out) is out
@@ -54,7 +48,7 @@ def test_the_result_may_replace_the_vector(n, dtype):
 @pytest.mark.parametrize("n", [7, 300])
 @pytest.mark.parametrize("dtype", [np.float64, np.complex128])
 def test_the_bound_of_the_norm_holds_for_general_matrices(n, dtype):
-    lags = random(2 * n - 1, dtype=dtype)
+    lags = seeded(2 * n - 1, dtype=dtype)
     product = ToeplitzProduct.of(lags[n - 1 :], lags[n - 1 :: -1], dtype)
     norm = np.linalg.norm(toeplitz(lags[n - 1 :], lags[n - 1 :: -1]), 2)
     assert norm <= product.norm_bound == pytest.approx(product.adjoint().norm_bound)
@@ -90,13 +84,13 @@ def product_of(kernel, dtype):
 def test_it_is_the_dense_matrix(shape, components, dtype, seed):
     if np.prod(shape) > 400:
         return
-    lags = random(components**2, *(2 * n - 1 for n in shape), dtype=dtype, seed=seed)
+    lags = seeded(components**2, *(2 * n - 1 for n in shape), dtype=dtype, seed=seed)
     kernel = [list(lags[i::components]) for i in range(components)]
     if components > 1:
         kernel[-1][0] = kernel[0][-1] = None
     dense = dense_of_kernel(kernel)
     product = product_of(kernel, dtype)
-    X = random(3, len(dense), dtype=dtype)
+    X = seeded(3, len(dense), dtype=dtype)
     tolerance = {"atol": 2000 * np.finfo(dtype).eps}
     assert_allclose(product(X), X @ dense.T, **tolerance)
     assert product(X).dtype == dtype
@@ -109,34 +103,15 @@ def test_it_is_the_dense_matrix(shape, components, dtype, seed):
     assert np.array_equal(X, expected)
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.complex128])
-@pytest.mark.parametrize("shape", [(19, 23), (190, 230)])
-def test_blocks_that_are_zero_give_zero(dtype, shape):
-    """That of a matrix alone, or all of a row or a column of them; from panels, or at once."""
-    lags = random(*(2 * n - 1 for n in shape), dtype=dtype)
-    X = random(3, np.prod(shape), seed=1)
-    assert not product_of([[0.0 * lags]], dtype)(X).any()
-    one = tmg.ToeplitzOperator.from_lags(lags)
-    there, back = (one @ X[::-1].T).T, (one.H @ X.T).T
-    for nothing in (None, 0.0 * lags):
-        product = product_of([[nothing, lags], [nothing, nothing]], dtype)
-        both = np.concatenate([X, X[::-1]], axis=1)
-        for _ in range(2):  # Memory that is used again is not empty.
-            expected = np.concatenate([there, 0.0 * X], axis=1)
-            assert_allclose(product(both), expected, rtol=0, atol=1e-9)
-            expected = np.concatenate([0.0 * X, back], axis=1)
-            assert_allclose(product.adjoint()(both), expected, rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize("components", [1, 2])
 @pytest.mark.parametrize("parts", [1, 2, 5])
 def test_frequencies_may_be_multiplied_in_parts(components, parts):
     """As processes do of which each has some of them."""
     shape = (19, 23)
-    lags = random(components**2, *(2 * n - 1 for n in shape))
+    lags = seeded(components**2, *(2 * n - 1 for n in shape))
     kernel = [list(lags[i::components]) for i in range(components)]
     product = product_of(kernel, np.float64)
-    X = random(1, components * np.prod(shape), seed=1)
+    X = seeded(1, components * np.prod(shape), seed=1)
     Z = product.passes.rows_in(X.reshape(1, components, *shape)).copy()
     bounds = [product.lengths[-1] * k // parts for k in range(parts + 1)]
     made = [
@@ -147,25 +122,13 @@ def test_frequencies_may_be_multiplied_in_parts(components, parts):
     assert_allclose(y.reshape(1, -1), X @ dense_of_kernel(kernel).T, rtol=0, atol=1e-10)
 
 
-def test_a_product_of_a_large_grid_is_the_definition_in_some_rows():
-    """One that does not stay in the cache, and so goes through it in panels."""
-    for shape in ((300, 700), (40, 50, 60)):
-        lags = random(*(2 * n - 1 for n in shape))
-        x = random(np.prod(shape), seed=1)
-        y = product_of([[lags]], np.float64)(x[np.newaxis])[0].reshape(shape)
-        for point in ((0,) * len(shape), tuple(n // 3 for n in shape), tuple(n - 1 for n in shape)):
-            part = lags[tuple(slice(k, k + n) for k, n in zip(point, shape, strict=True))]
-            exact = np.flip(part).ravel() @ x
-            assert abs(y[point] - exact) <= 1e-13 * np.linalg.norm(part) * np.linalg.norm(x)
-
-
 # Small matrices -----------------------------------------------------------------------------
 
 SIZES = 1, 2, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK, 3 * BLOCK + 7
 
 
 def definite(n):
-    X = random(n, n, seed=n)
+    X = seeded(n, n, seed=n)
     return X @ X.T + np.eye(n)
 
 
@@ -186,5 +149,5 @@ def test_the_factor_is_that_of_lapack(n):
 @pytest.mark.parametrize("shape", [(1, 1, 1), (7, 7, 50_000), (40, 30, 1), (40, 30, 1000)])
 def test_the_product_is_that_of_numpy(shape):
     m, k, n = shape
-    A, X = random(m, k), random(k, n, seed=1)
+    A, X = seeded(m, k), seeded(k, n, seed=1)
     assert_allclose(multiply(A, X), A @ X, rtol=0, atol=1e-13 * k * np.abs(A).max())
