@@ -8,7 +8,8 @@ from scipy.sparse import diags_array, eye_array
 
 import toeplitz_mg as tmg
 from tests.budgets import assert_within_budget
-from tests.cases import checkered, coupled, coupled_kernel, dense_of_kernel, half_space_kernel
+from tests.cases import coupled, coupled_kernel
+from tests.systems import count_iterations
 from toeplitz_mg import halfspace
 
 
@@ -22,14 +23,6 @@ def tangential(n, nu=0.28):
     )
     xy = tmg.ToeplitzOperator.from_lags(halfspace.influence_xy(*odd, element, G=1.0, nu=nu))
     return tmg.CoupledOperator([[xx, xy], [xy, yy]])
-
-
-def iterations(A, M, b):
-    steps = []
-    x, info = tmg.cg(A, b, M=M, rtol=1e-8, callback=steps.append)
-    assert info == 0
-    assert np.linalg.norm(b - A @ x) <= 1.1e-8 * np.linalg.norm(b)
-    return len(steps)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +39,7 @@ def test_iterations_do_not_grow_with_the_grid(name, preconditioner):
         A = tangential(n)
         M = preconditioner(A)
         sides = np.ones(A.shape[0]), rng.standard_normal(A.shape[0])
-        counts.append([iterations(A, M, b) for b in sides])
+        counts.append([count_iterations(tmg.cg, A, b, M=M) for b in sides])
     assert_within_budget(f"tangential, {name}, constant side", iterations=np.max(counts, axis=0)[0])
     assert_within_budget(f"tangential, {name}, random side", iterations=np.max(counts, axis=0)[1])
     assert np.ptp(counts, axis=0).max() <= 3
@@ -80,27 +73,6 @@ def test_a_component_without_unknowns_has_no_block():
     expected = tmg.cosine_preconditioner(tmg.MaskedOperator(A.component(1), mask[1]))
     b = np.random.default_rng(1).standard_normal(12)
     assert np.array_equal(M @ b, expected @ b)
-
-
-def test_without_coupling_it_is_the_components():
-    xx = tmg.ToeplitzOperator(np.exp(-np.indices((20, 17)).sum(axis=0) / 2.0))
-    A = tmg.CoupledOperator([[xx, None], [None, xx]])
-    x = np.random.default_rng(2).standard_normal(2 * 340)
-    assert_allclose(A @ x, np.concatenate([xx @ x[:340], xx @ x[340:]]), atol=1e-12)
-    M = tmg.fft_preconditioner(A)
-    one = tmg.fft_preconditioner(xx)
-    assert_allclose(M @ x, np.concatenate([one @ x[:340], one @ x[340:]]), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("components", "shape"), [(2, (5, 7)), (2, (8, 8)), (2, (1, 6)), (3, (5, 4)), (3, (6, 1))]
-)
-def test_a_cycle_of_each_component_is_symmetric_positive_definite(components, shape):
-    A = coupled(half_space_kernel(components, *shape))(np.float64)
-    for B in (A, tmg.MaskedOperator(A, checkered(*shape))):
-        dense = tmg.componentwise(tmg.multigrid)(B, coarsest=4) @ np.eye(B.shape[0])
-        assert_allclose(dense, dense.T, atol=1e-13 * abs(dense).max())
-        assert np.linalg.eigvalsh(dense).min() > 0
 
 
 @pytest.mark.parametrize("is_complex", [False, True])
@@ -196,20 +168,6 @@ def test_componentwise_is_of_a_function(given):
         tmg.componentwise(given)
 
 
-@pytest.mark.parametrize("scale", [1e39, 1e34, 1e-34, 1e-39])
-def test_what_float32_has_no_room_for_is_refused(scale):
-    blocks = [
-        [tmg.ToeplitzOperator.from_lags(scale * block.lags) for block in row]
-        for row in tangential(16, nu=0.5).blocks
-    ]
-    full = tmg.CoupledOperator(blocks)
-    A = tmg.MaskedOperator(full, np.indices((16, 16)).sum(axis=0) % 3 > 0)
-    for preconditioner in (tmg.fft_preconditioner, tmg.fsai_preconditioner):
-        with pytest.raises(ValueError, match=r"diagonal of A is .*must be between .*scale A"):
-            preconditioner(A, dtype=np.float32)
-        assert np.isfinite(preconditioner(A) @ np.ones(A.shape[0])).all()
-
-
 def test_preconditioners_have_the_precision_of_all_blocks():
     x, y = halfspace.offsets((20, 21), (1.0, 1.0))
     c = halfspace.influence_zz(x, y, (1.0, 1.0), G=1.0, nu=0.28).astype(np.float32)
@@ -223,20 +181,10 @@ def test_preconditioners_have_the_precision_of_all_blocks():
         assert_allclose(make(mixed) @ v, expected, atol=1e-12 * np.abs(expected).max())
 
 
-def test_components_in_another_precision():
-    kernel = coupled_kernel(2, 4, 5)
-    dense = dense_of_kernel(kernel)
-    A = coupled(kernel)(np.float64)
-    assert A.astype(np.float64) is A
-    less = A.astype(np.float32)
-    assert less.dtype == np.float32
-    eye = np.eye(len(dense), dtype=np.float32)
-    assert_allclose(less @ eye, dense, rtol=0, atol=1e-5 * abs(dense).max())
-
-
 def test_components_in_more_precision_are_products_in_more():
     """What single precision has lost stays lost, but products are double again."""
     A = coupled(coupled_kernel(2, 40, 30))(np.float32)
+    assert A.astype(np.float32) is A
     x = np.random.default_rng(0).standard_normal(A.shape[0])
     more = A.astype(np.float64)
     exact = more.toarray() @ x
