@@ -8,6 +8,7 @@ from scipy.sparse import csr_array, diags_array, eye_array
 
 import toeplitz_mg as tmg
 from tests.cases import checkered
+from tests.systems import PRECONDITIONERS
 
 
 def line(n):
@@ -70,11 +71,7 @@ def general():
     yield "complex sum", diags_array(1.0 + np.cos(k**2) ** 2) @ A
 
 
-PRECONDITIONERS = {
-    name: function
-    for name, function in vars(tmg).items()
-    if name.endswith("_preconditioner") and name != "select_preconditioner"
-} | {"multigrid": tmg.multigrid, "toeplitz_inverse": tmg.toeplitz_inverse}
+ALL = {f.__name__: f for f in (*PRECONDITIONERS, tmg.toeplitz_inverse)}
 
 
 def refusal(make, A):
@@ -118,7 +115,7 @@ def solves_by_gmres(A, M=None):
     [pytest.param(A, is_definite, id=name) for name, A, is_definite in matrices()],
 )
 def test_advice_leads_to_a_preconditioner_or_to_gmres(A, is_definite):
-    for name, make in PRECONDITIONERS.items():
+    for name, make in ALL.items():
         refused = refusal(make, A)
         if refused is None:
             continue
@@ -136,7 +133,7 @@ def test_advice_leads_to_a_preconditioner_or_to_gmres(A, is_definite):
 
 @pytest.mark.parametrize("A", [pytest.param(A, id=name) for name, A in general()])
 def test_advice_for_a_general_matrix_is_a_preconditioner_of_gmres(A):
-    for make in PRECONDITIONERS.values():
+    for make in ALL.values():
         refused = refusal(make, A)
         if refused is None:
             continue
@@ -179,7 +176,7 @@ def test_a_negative_matrix_is_one_of_the_other_sign():
     for name, A, _ in matrices():
         if "negative" not in name:
             continue
-        for make in PRECONDITIONERS.values():
+        for make in ALL.values():
             refused = refusal(make, A)
             if make is not tmg.toeplitz_inverse and "must" not in refused[0]:
                 assert "where -A is positive definite solve -A x = -b" in refused[0]
