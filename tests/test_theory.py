@@ -1,13 +1,12 @@
 """Hertz's theory in closed form obeys its own equations in other integrals, and the solver it."""
 
-from xml.etree import ElementTree
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import quad
 from scipy.special import ellipe, ellipk
 
+from tests.systems import cells_of
 from toeplitz_mg.contact import Material, hertz, normal_contact, surfaces
 
 STEEL = Material(E=210000.0, nu=0.28)
@@ -147,12 +146,9 @@ def test_without_a_force_nothing_touches(radii):
 )
 def test_a_notebook_shows_the_figures_of_the_theory_with_units(radii, said):
     theory = hertz(radii=radii, material=Material(E=210000.0, nu=0.3), force=100.0)
-    rows = ElementTree.fromstring(theory._repr_html_()).findall("tr")
-    cells = {row.find("th").text: row.find("td").text for row in rows}
+    cells = cells_of(theory)
     assert said.items() <= cells.items()
     assert ("approach" in cells) == (theory.approach is not None)
-    for name, value in cells.items():
-        assert f"  {name:18s}{value}" in theory.summary()
 
 
 def test_points_that_make_no_sense_are_refused_without_a_force_too():
