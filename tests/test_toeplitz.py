@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.signal
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from tests.cases import checkered, dense_of_column, dense_of_lags, random_lags
-
-
-def test_is_scipys_toeplitz():
-    c, r = [3.0, 1.0, 2.0], [9.0, 4.0, 5.0]
-    assert np.array_equal(tmg.ToeplitzOperator(c).toarray(), scipy.linalg.toeplitz(c))
-    assert np.array_equal(tmg.ToeplitzOperator(c, r).toarray(), scipy.linalg.toeplitz(c, r))
 
 
 @pytest.mark.parametrize("shape", [(1,), (2,), (9,), (3, 4), (1, 5), (2, 3, 2)], ids=str)
@@ -36,21 +27,6 @@ def test_toarray_is_the_definition(shape):
     mask = checkered(*shape)
     expected = dense_of_column(c)[np.ix_(mask.ravel(), mask.ravel())]
     assert np.array_equal(tmg.MaskedOperator(A, mask).toarray(), expected)
-
-
-def test_another_precision_and_the_same():
-    A = tmg.ToeplitzOperator([2.0, 1.0, 0.5])
-    assert A.astype(np.float64) is A
-    assert A.astype(np.float32).dtype == np.float32
-    assert np.array_equal(A.astype(np.float32).toarray(), A.toarray())
-
-
-@pytest.mark.parametrize("dtype", [int, np.float16, complex])
-def test_a_precision_that_it_has_not(dtype):
-    A = tmg.ToeplitzOperator([2.5, 1.0, 0.5])
-    for B in (A, tmg.MaskedOperator(A, [True, False, True]), tmg.CoupledOperator([[A]])):
-        with pytest.raises(TypeError, match=rf"dtype is {np.dtype(dtype)}, but must be float32 or"):
-            B.astype(dtype)
 
 
 def test_knows_its_symmetry():
@@ -138,36 +114,26 @@ def test_a_complex_first_column_is_of_one_axis():
         tmg.ToeplitzOperator([1.0, complex(np.nan, 1.0)])
 
 
-@pytest.mark.parametrize("dtype", [int, np.float32, np.float64])
-def test_a_precision_that_a_complex_matrix_has_not(dtype):
-    """A real one would have no imaginary parts."""
-    A = tmg.ToeplitzOperator([4.5, 1j, 0.5])
-    rule = rf"dtype is {np.dtype(dtype)}, but must be complex64 or complex128, as A is complex"
-    for B in (A, tmg.MaskedOperator(A, [True, False, True]), tmg.CoupledOperator([[A]])):
-        with pytest.raises(TypeError, match=rule):
-            B.astype(dtype)
-    for f in (tmg.chan_preconditioner, tmg.fft_preconditioner, tmg.default_preconditioner):
-        with pytest.raises(TypeError, match=rule):
-            f(A, dtype=dtype)
-        assert f(A, dtype=np.complex64).dtype == np.complex64
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    arrays(
-        st.sampled_from([np.float64, np.float32, np.int64]),
-        array_shapes(max_dims=3, max_side=6),
-        elements=st.integers(-1000, 1000),
-    ),
-    st.integers(1, 3),
+@pytest.mark.parametrize(
+    ("a", "allowed", "dtypes"),
+    [
+        (1.0, "float32 or float64", (int, np.float16, complex)),
+        # A real one would have no imaginary parts.
+        (1j, "complex64 or complex128, as A is complex", (int, np.float32, np.float64)),
+    ],
 )
-@pytest.mark.filterwarnings("ignore:c has shape .* and is constant along its diagonals")
-def test_any_coefficients(c, columns):
-    A = tmg.ToeplitzOperator(c)
-    X = np.random.default_rng(0).standard_normal((c.size, columns))
-    dense = dense_of_column(c.astype(float))
-    scale = max(abs(c).max(), 1) * c.size
-    assert_allclose(A @ X, dense @ X, atol=scale * (1e-13 if A.dtype == np.float64 else 1e-5))
+def test_a_precision_that_it_has_not(a, allowed, dtypes):
+    A = tmg.ToeplitzOperator([4.5, a, 0.5])
+    for dtype in dtypes:
+        rule = rf"dtype is {np.dtype(dtype)}, but must be {allowed}"
+        for B in (A, tmg.MaskedOperator(A, [True, False, True]), tmg.CoupledOperator([[A]])):
+            with pytest.raises(TypeError, match=rule):
+                B.astype(dtype)
+        for f in (tmg.chan_preconditioner, tmg.fft_preconditioner, tmg.default_preconditioner):
+            with pytest.raises(TypeError, match=rule):
+                f(A, dtype=dtype)
+            less = np.complex64 if a == 1j else np.float32
+            assert f(A, dtype=less).dtype == less
 
 
 def test_keeps_a_copy_of_what_it_is_given():
@@ -237,13 +203,6 @@ def test_a_mask_needs_an_operator_on_a_grid():
             tmg.MaskedOperator(wrong, mask)
 
 
-def test_preconditioners_need_a_symmetric_toeplitz_operator():
-    with pytest.raises(TypeError, match="A is a ndarray"):
-        tmg.cosine_preconditioner(np.eye(2))
-    with pytest.raises(ValueError, match="must be symmetric"):
-        tmg.cosine_preconditioner(tmg.ToeplitzOperator([2.0, 1.0], [2.0, 0.0]))
-
-
 def test_products_are_counted():
     A = tmg.ToeplitzOperator(np.ones((4, 6)))
     C = tmg.chan_preconditioner(tmg.ToeplitzOperator(0.5 ** np.arange(24)))
@@ -258,39 +217,27 @@ def test_products_are_counted():
     assert (outer.products, outer.units(24)) == (9, 8.5)
 
 
-@pytest.mark.parametrize("dtype", [np.complex128, np.complex64])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.complex128, np.complex64])
 @pytest.mark.parametrize("shape", [(3,), (400,), (2, 3), (20, 30)])
-def test_a_complex_product_of_accepted_coefficients_does_not_overflow(shape, dtype):
-    rng = np.random.default_rng(0)
-    lags = np.exp(1j * rng.uniform(0.0, 6.0, [2 * n - 1 for n in shape]))
-    lags = (lags / lags.size / 2 ** len(shape)).astype(dtype)  # Rows add up to less than 1.
-    x = np.exp(1j * rng.uniform(0.0, 6.0, np.prod(shape))).astype(dtype)
-    large = np.finfo(dtype).max / 2**9
+@pytest.mark.parametrize("turn", [0.0, 6.0])
+def test_a_product_of_accepted_coefficients_does_not_overflow(shape, dtype, turn):
+    """The largest that are accepted multiply as others do, and larger ones are refused."""
+    rng, is_complex = np.random.default_rng(0), np.dtype(dtype).kind == "c"
+
+    def numbers(*shape):
+        z = np.exp(1j * turn * rng.random(shape))
+        return (z if is_complex else z.real).astype(dtype)
+
+    lags = numbers(*(2 * n - 1 for n in shape))
+    lags /= lags.size * 2 ** len(shape)  # Rows add up to less than 1.
+    x, large = numbers(np.prod(shape)), np.finfo(dtype).max / 2**9
     A, B = tmg.ToeplitzOperator.from_lags(lags), tmg.ToeplitzOperator.from_lags(large * lags)
     expected = (A @ x).astype(np.complex128)
-    atol = 50 * np.finfo(dtype).eps * np.abs(expected).max()
+    atol = 50 * np.finfo(dtype).eps * abs(lags).sum()
     assert_allclose((B @ x) / float(large), expected, rtol=0, atol=atol)
+    assert np.isfinite(tmg.CoupledOperator([[B, B], [B, B]]) @ np.ones(2 * x.size, dtype)).all()
     with pytest.raises(ValueError, match="so that no product overflows"):
-        tmg.ToeplitzOperator.from_lags(lags * large * 2 ** (3 + len(shape)))
-
-
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
-@pytest.mark.parametrize("shape", [(3,), (400,), (2, 3), (20, 30)])
-def test_a_product_of_accepted_coefficients_does_not_overflow(shape, dtype):
-    """The largest that are accepted multiply as others do, and larger ones are refused."""
-    c = np.full(shape, 1.0 / np.prod(shape) / 2 ** len(shape), dtype)  # Rows add up to at most 1.
-    x = np.random.default_rng(0).uniform(-1.0, 1.0, c.size).astype(dtype)
-    ones = np.ones(c.size, dtype)
-    large = np.finfo(dtype).max / 2**9
-    A, B = tmg.ToeplitzOperator(c), tmg.ToeplitzOperator(large * c)
-    for v in (x, ones):
-        expected = (A @ v).astype(np.float64)
-        assert_allclose((B @ v) / float(large), expected, atol=20 * np.finfo(dtype).eps)
-    C = tmg.CoupledOperator([[B, B], [B, B]])
-    assert np.isfinite(C @ np.ones(2 * c.size, dtype)).all()
-    for lags in (16 * (large * c), tmg.ToeplitzOperator(c).lags * (16 * large)):
-        with pytest.raises(ValueError, match="so that no product overflows"):
-            (tmg.ToeplitzOperator.from_lags if lags.shape != shape else tmg.ToeplitzOperator)(lags)
+        tmg.ToeplitzOperator.from_lags(lags * large * 2 ** (4 + len(shape)))
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -344,17 +291,6 @@ def test_coefficients_of_two_axes_are_taken_without_a_word(shape):
         *(np.zeros(shape), np.ones(shape)),
     ):
         assert tmg.ToeplitzOperator(c).shape == (c.size, c.size)
-
-
-def test_masked_coefficients_are_refused():
-    c = np.ma.masked_array([3.0, 2.0, 1.0], [False, True, False])
-    for build in (tmg.ToeplitzOperator, lambda c: tmg.ToeplitzOperator([3.0, 2.0, 1.0], c)):
-        with pytest.raises(TypeError, match=r"[cr] is a masked array"):
-            build(c)
-    with pytest.raises(TypeError, match="lags is a masked array"):
-        tmg.ToeplitzOperator.from_lags(c)
-    with pytest.raises(TypeError, match="c is a masked array"):
-        tmg.ToeplitzOperator([c, c])
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
