@@ -12,6 +12,7 @@ from scipy.sparse.linalg import LinearOperator
 import toeplitz_mg as tmg
 from tests import cases
 from tests.cases import PAIRS, QUICK
+from tests.systems import seeded
 
 
 # Each pair is built once: pytest runs all laws of one pair before it goes on to the next.
@@ -39,14 +40,6 @@ def test_all_that_is_public_is_among_the_cases():
     assert {name for name in builders if f"tmg.{name}" not in source} == set()
 
 
-def random(*shape, dtype=np.float64, seed=0):
-    rng = np.random.default_rng(seed)
-    x = rng.standard_normal(shape)
-    if np.dtype(dtype).kind == "c":
-        x = x + 1j * rng.standard_normal(shape)
-    return x.astype(dtype)
-
-
 def assert_near(actual, expected, dtype=np.float64):
     """Check that arrays are equal up to rounding, relative to the largest entry."""
     scale = np.abs(expected).max(initial=1e-300)
@@ -56,7 +49,7 @@ def assert_near(actual, expected, dtype=np.float64):
 
 def test_equals_its_dense_matrix_in_both_precisions(case, A, dense):
     for dtype, B in ((np.float64, A), (np.float32, case.operator(np.float32))):
-        X = random(A.shape[1], 3, dtype=dtype)
+        X = seeded(A.shape[1], 3, dtype=dtype)
         assert isinstance(B, LinearOperator)
         assert B.shape == dense.shape
         assert B.dtype == (np.result_type(dtype, np.complex64) if np.iscomplexobj(dense) else dtype)
@@ -67,7 +60,7 @@ def test_equals_its_dense_matrix_in_both_precisions(case, A, dense):
 
 
 def test_adjoint_and_transpose(A, dense):
-    U, V = random(A.shape[1], 2, dtype=A.dtype), random(A.shape[0], 2, dtype=A.dtype, seed=1)
+    U, V = seeded(A.shape[1], 2, dtype=A.dtype), seeded(A.shape[0], 2, dtype=A.dtype, seed=1)
     adjoint = dense.conj().T
     assert_near(A.H @ V, adjoint @ V)
     assert_near(A.T @ V[:, 0], dense.T @ V[:, 0])
@@ -89,7 +82,7 @@ def test_pyamg_solves_the_normal_equations(turn, name):
     krylov = pytest.importorskip("pyamg.krylov")
     k = np.arange(60)
     A = tmg.ToeplitzOperator(0.5**k * (np.exp(1j * turn * k) if turn else 1.0), 0.3**k)
-    b = random(60, 1, dtype=A.dtype)[:, 0]
+    b = seeded(60, 1, dtype=A.dtype)[:, 0]
     x, _ = getattr(krylov, name)(A, b, tol=1e-10)
     assert np.linalg.norm(b - A @ x) <= 1e-8 * np.linalg.norm(b)
 
@@ -108,7 +101,7 @@ def test_is_symmetric_and_positive_definite_as_the_case_says(case, A, dense):
 
 
 def test_linear_and_composed(A, dense):
-    x, y = (random(A.shape[1], dtype=A.dtype, seed=seed) for seed in (0, 1))
+    x, y = (seeded(A.shape[1], dtype=A.dtype, seed=seed) for seed in (0, 1))
     assert_near(A @ (2.0 * x - 3.0 * y), 2.0 * (dense @ x) - 3.0 * (dense @ y))
     assert_near((2 * A) @ x, 2 * dense @ x)
     assert_near((A @ A) @ x, dense @ dense @ x)
@@ -120,15 +113,15 @@ def test_linear_and_composed(A, dense):
 def test_vectors_of_any_kind(A, dense):
     """Complex, integer and strided ones; rows and stacks, as SciPy hands them on since 1.18."""
     n = A.shape[1]
-    z = random(n) + 1j * random(n, seed=1)
+    z = seeded(n) + 1j * seeded(n, seed=1)
     assert_near(A @ z, dense @ z)
     integers = np.arange(n) - 3
     assert_near(A @ integers, dense @ integers.astype(float))
-    wide = random(n, 6)
+    wide = seeded(n, 6)
     assert_near(A @ wide[:, ::2], dense @ wide[:, ::2])
     assert_near(A @ wide[::-1, 1], dense @ wide[::-1, 1])
     assert (A @ wide[:, :0]).shape == (n, 0)
-    rows = random(2, 3, n)
+    rows = seeded(2, 3, n)
     assert_near(A._matvec(rows), rows @ dense.T)
     assert_near(A._matmat(rows.mT), dense @ rows.mT)
     assert_near(A.H._matvec(rows), rows @ dense.conj())
@@ -158,7 +151,7 @@ def test_entries_are_those_of_the_dense_matrix(A, dense):
 
 def test_is_a_value(A):
     """It leaves its argument alone, returns what may be changed, pickles, and prints in a line."""
-    x = random(A.shape[1])
+    x = seeded(A.shape[1])
     before, first = x.copy(), A @ x
     x.flags.writeable = False
     y = A @ x
@@ -175,7 +168,7 @@ def test_is_a_value(A):
 def test_many_threads_may_share_an_operator():
     for case in QUICK[::10]:
         A = case.operator(np.float64)
-        X = random(40, A.shape[1])
+        X = seeded(40, A.shape[1])
         with ThreadPoolExecutor(4) as pool:
             Y = list(pool.map(lambda x, A=A: A @ x, X))
         assert np.array_equal(Y, [A @ x for x in X])
