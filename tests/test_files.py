@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from comparisons.harness import report
-from tests.command_line import MODULE, main
+from tests.command_line import MODULE, assert_refused, main
 
 STANDARD_OUTPUT = 1
 N = 300  # Unknowns of a system whose solution has 2528 bytes, above the limit of LIMITED.
@@ -61,7 +61,10 @@ def test_a_new_file_has_the_mode_of_any_new_file(folder):
     assert (folder / "x.npy").stat().st_mode == (folder / "any").stat().st_mode
 
 
-def test_a_link_to_nothing_leads_to_what_is_written(folder):
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_link_leads_to_what_is_written(folder, is_there):
+    if is_there:
+        (folder / "x.npy").write_bytes(b"old")
     (folder / "link.npy").symlink_to("x.npy")
     assert solve("link.npy") == 0
     assert os.readlink("link.npy") == "x.npy"
@@ -103,14 +106,6 @@ def test_a_full_device_is_an_error(folder, monkeypatch, capsys):
 
 
 # What is refused before any work --------------------------------------------------------------
-
-
-def assert_refused(status, message, capsys):
-    captured = capsys.readouterr()
-    assert status == 2
-    assert message in captured.err
-    assert captured.err.count("\n") == 1
-    assert not captured.out
 
 
 def contents(folder):
