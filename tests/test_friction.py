@@ -234,12 +234,6 @@ def test_the_shift_of_all_sliding_is_the_limit_of_that_of_almost_all(pressed, po
     assert apart > 0.0
 
 
-def test_more_than_the_bound_carries_is_refused_with_both_named():
-    pressed = pressed_line()
-    with pytest.raises(ValueError, match=r"force is 0.0841.* of size 0.0841, .* carries 0.084 at"):
-        friction(pressed, mu=0.3, force=0.0841)
-
-
 def test_shifts_add_up_over_a_history():
     pressed = pressed_sphere(24)
     a = friction(pressed, mu=0.3, force=(0.04, 0.01))
