@@ -78,16 +78,6 @@ def test_against_adaptive_quadrature(kernel, element):
         assert_allclose(value, expected, rtol=1e-12, atol=0, err_msg=f"at {tx, ty} elements")
 
 
-@pytest.mark.slow
-def test_the_papers_coefficients_at_two_to_the_twenty():
-    n = 2**20
-    c = tmg.contact.problems.test1(n).A.c
-    for k in (0, 1, 2, 3, 15, 16, 1000, n // 2, n - 1):
-        expected = quadrature("xx", k * 8 / n, 0, (8 / n, 100), 0.28) / 82000
-        assert_allclose(c[k], expected, rtol=1e-12)
-    assert (np.diff(c) < 0).all()
-
-
 @pytest.mark.parametrize("nu", [-0.9, 0.0, 0.28, 0.5])
 @pytest.mark.parametrize("element", [(1.0, 1.0), (0.1, 2.5)])
 def test_matrices_are_positive_definite_and_symmetric_under_exchange(nu, element):
