@@ -44,17 +44,6 @@ def test_drop_in(tmp_path, capsys):
     assert {row["n"] for row in rows if "by_hand_seconds" in row} == {300}
 
 
-def test_drop_in_of_other_symbols(tmp_path, capsys):
-    options = ["--symbols", "|θ|", "contact", "--sizes", "316", "--columns", "1", "--digits", "11"]
-    run(drop_in, tmp_path, capsys, *options)
-    rows = report.read_csv(tmp_path / "drop_in.csv")
-    assert [row["symbol"] for row in rows] == ["|θ|", "contact"]
-    assert all(row["residual"] <= 1e-11 for row in rows)
-    table = drop_in.arrange(rows)
-    assert [line["n"] for line in table][-1].endswith("its time over that of the faster rival")
-    assert all(line["316"] and not line["1,000"] for line in table)
-
-
 def test_arrays_of_another_library(tmp_path, capsys):
     """On a library of the processor, so that nothing is said about a GPU."""
     pytest.importorskip("array_api_strict")
@@ -98,16 +87,6 @@ def test_a_launcher_that_fails_is_noted(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for launcher, note in (("false", "status 1"), ("no-such-launcher", "No such file")):
         assert note in ranks.measure(launcher, 2, 64, "times")["note"]
-
-
-def test_the_model_is_that_of_the_design():
-    """A product of 2^28 unknowns on a node of 64 cores; its messages on eight are most of it."""
-    node = ranks.Node(5e11, 2.5e11, 1e10)
-    assert round(ranks.predict(node, 1, 2**14).product, 2) == 0.56
-    eight = ranks.predict(node, 8, 2**15)
-    assert round(eight.exchange, 2) == 0.38
-    assert round(eight.product - eight.exchange, 2) == 0.29
-    assert eight.message == 2**28
 
 
 def test_threads(tmp_path, capsys):
