@@ -49,7 +49,7 @@ def reflection_coefficients(c: ArrayLike) -> Array:
 
     See Also
     --------
-    toeplitz_logdet : n log c[0] + Σ (n - k) log(1 - |γₖ|²), if γₖ are these.
+    toeplitz_logdet : ``n log c[0] + Σ (n - k) log(1 - |γₖ|²)``, if γₖ are these.
     ToeplitzNormal : the process.
 
     Notes
