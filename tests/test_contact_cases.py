@@ -1,12 +1,10 @@
 """Contact against theory: errors are small, fall in order, and all conditions hold; and peers."""
 
-import numpy as np
 import pytest
 
 from comparisons import peers
 from comparisons.harness import report
 from comparisons.theory import cases
-from comparisons.theory.solved import grids, order
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
 
@@ -41,32 +39,6 @@ def test_errors_against_theory_are_small_and_all_conditions_hold(tmp_path, capsy
     assert max(off) <= 2.0
     assert len(cases.arrange_kalker(known)) == 15
     assert len(cases.arrange_printed(known)) == len(known) - 15
-
-
-@pytest.mark.parametrize(
-    ("case", "quantity", "coarse", "fine", "least"),
-    [
-        ("Hertz, line", "p₀", 64, 512, 1.0),
-        ("Westergaard", "traction", 64, 512, 0.9),
-        ("Hertz, sphere", "δ", 32, 128, 1.5),
-        ("Hertz, ellipse", "F", 32, 128, 1.5),
-        ("Cattaneo, line", "traction", 64, 512, 0.9),
-        ("Cattaneo and Mindlin, ν = 0", "F", 32, 128, 1.0),
-        ("Carter", "F", 64, 1024, 0.9),
-    ],
-)
-def test_the_order_of_convergence(case, quantity, coarse, fine, least):
-    solve = cases.CASES[case][0]
-
-    def error(N):
-        return np.sqrt(np.mean([solve(n).errors[quantity] ** 2 for n in grids(N)]))
-
-    assert np.log(error(coarse) / error(fine)) / np.log(fine / coarse) > least
-
-
-def test_the_order_of_a_power():
-    assert order([1.0, 0.25, 0.0625], [2, 4, 8]) == pytest.approx(2.0)
-    assert np.isnan(order([0.0, 0.1], [2, 4]))
 
 
 # Peers ------------------------------------------------------------------------------------------
