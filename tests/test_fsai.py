@@ -14,11 +14,12 @@ import toeplitz_mg as tmg
 from comparisons.systems import masks
 from tests.budgets import assert_within_budget
 from tests.cases import contact, exponential
+from tests.systems import count_iterations
 from toeplitz_mg import fsai_preconditioner
 from toeplitz_mg.halfspace import (
-    all_offsets,
+    Material,
+    influence_matrix,
     influence_xx,
-    influence_xy,
     influence_yy,
     influence_zz,
     offsets,
@@ -36,13 +37,7 @@ def half_space(n, ratio=1.0, kernel=influence_zz, nu=0.28):
 
 def tangential(shape, nu=0.5, ratio=1.0, dtype=np.float64):
     """The matrix of tangential tractions, of two components."""
-    element = (1.0, ratio)
-    points = all_offsets(shape, element)
-    xx, xy, yy = (
-        tmg.ToeplitzOperator.from_lags(a(*points, element, G=1.0, nu=nu).astype(dtype))
-        for a in (influence_xx, influence_xy, influence_yy)
-    )
-    return tmg.CoupledOperator([[xx, xy], [xy, yy]])
+    return influence_matrix("xy", shape, (1.0, ratio), Material.from_shear(1.0, nu)).astype(dtype)
 
 
 AREAS = masks.FRAGMENTED | {
@@ -57,11 +52,7 @@ def operator(c, mask):
 
 
 def iterations(A, P, b):
-    count = []
-    x, info = tmg.cg(A, b, M=P, rtol=1e-8, maxiter=100, callback=lambda x: count.append(1))
-    assert info == 0
-    assert np.linalg.norm(b - A @ x) <= 1.1e-8 * np.linalg.norm(b)
-    return len(count)
+    return count_iterations(tmg.cg, A, b, M=P, maxiter=100)
 
 
 def both_iterations(A, P=None):
@@ -144,12 +135,8 @@ def test_what_it_is_not_for():
     c[1, 1], c[0, 0], c[2, 2] = 4.0, 1.0, 1.0
     with pytest.raises(ValueError, match="must be symmetric along each axis"):
         fsai_preconditioner(tmg.ToeplitzOperator.from_lags(c))
-    with pytest.raises(ValueError, match="must be symmetric"):
-        fsai_preconditioner(tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]))
     with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
         fsai_preconditioner(np.eye(4))
-    with pytest.raises(TypeError, match="must be float32 or float64"):
-        fsai_preconditioner(tmg.ToeplitzOperator(contact(8)), dtype=int)
 
 
 # Iterations -----------------------------------------------------------------------------------
@@ -415,8 +402,10 @@ def test_what_is_solved_for_directly_is_not_refused():
 )
 def test_what_float32_has_no_room_for_is_refused(preconditioner, scale):
     A = operator(scale * contact(30, 30), np.random.default_rng(0).random((30, 30)) < 0.9)
-    with pytest.raises(ValueError, match=r"diagonal of A is .*must be between .*scale A"):
-        preconditioner(A, dtype=np.float32)
+    for B in (A, MATRICES["components"](scale)):
+        with pytest.raises(ValueError, match=r"diagonal of A is .*must be between .*scale A"):
+            preconditioner(B, dtype=np.float32)
+        assert np.isfinite(preconditioner(B) @ np.ones(B.shape[0])).all()
     b = np.ones(A.shape[0])
     P = preconditioner(A)
     assert_allclose(scale * (P @ b), preconditioner(operator(contact(30, 30), A.mask)) @ b)
@@ -432,7 +421,6 @@ def test_the_number_of_neighbours_may_be_given():
     A = operator(half_space(64), AREAS["rough, 60 %"](64))
     count = max(both_iterations(A, fsai_preconditioner(A, neighbours=5)))
     assert_within_budget("FSAI with 5 neighbours", iterations=count)
-    with pytest.raises(ValueError, match="neighbours is 0, but must be at least 1"):
-        fsai_preconditioner(A, neighbours=0)
-    with pytest.raises(TypeError, match=r"neighbours is 2\.5, but must be an integer"):
-        fsai_preconditioner(A, neighbours=2.5)
+    for k, rule in ((0, "at least 1"), (101, "at most 100"), (10**30, "at most 100")):
+        with pytest.raises(ValueError, match=f"neighbours is {k}, but must be {rule}"):
+            fsai_preconditioner(A, neighbours=k)

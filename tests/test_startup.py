@@ -63,20 +63,18 @@ def test_interrupting_the_imports_is_one_line_and_status_130(how, tmp_path):
     assert result.stderr == "toeplitz-mg: interrupted\n"
 
 
-@pytest.mark.parametrize("how", [["-m", "other"], ["other.py"], ["-c", "import toeplitz_mg"]])
+@pytest.mark.parametrize(
+    "how",
+    [["-m", "other"], ["other.py"], ["-c", "import toeplitz_mg"], ["-m", "package", "toeplitz_mg"]],
+)
 def test_in_any_other_program_ctrl_c_is_an_exception(how, tmp_path):
-    (tmp_path / "other.py").write_text("import toeplitz_mg")
+    """`python -m package` imports it while it still looks for the module to run."""
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "__main__.py").write_text("")
+    for name in ("other.py", "package/__init__.py"):
+        (tmp_path / name).write_text("import toeplitz_mg")
     how = [str(tmp_path / name) if name == "other.py" else name for name in how]
     result = interrupted(tmp_path, *how)
-    assert (result.returncode, result.stdout) == (7, "KeyboardInterrupt\n")
-
-
-def test_in_a_package_of_another_program_too(tmp_path):
-    """`python -m other` imports the package while it still looks for the module to run."""
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "__init__.py").write_text("import toeplitz_mg")
-    (tmp_path / "other" / "__main__.py").write_text("")
-    result = interrupted(tmp_path, "-m", "other", "toeplitz_mg")
     assert (result.returncode, result.stdout) == (7, "KeyboardInterrupt\n")
 
 

@@ -10,25 +10,13 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.cases import checkered, contact, diagonals, exponential, random_lags
+from tests.systems import PRECONDITIONERS, count_iterations
 
-PRECONDITIONERS = [
-    tmg.chan_preconditioner,
-    tmg.cosine_preconditioner,
-    tmg.default_preconditioner,
-    tmg.fft_preconditioner,
-    tmg.fft_rsm_preconditioner,
-    tmg.fsai_preconditioner,
-    tmg.jacobi_preconditioner,
-    tmg.multigrid,
-    tmg.sine_preconditioner,
-    tmg.spectral_preconditioner,
-    tmg.strang_preconditioner,
-    tmg.tau_preconditioner,
-]
+SYMMETRIC = [f for f in PRECONDITIONERS if f is not tmg.fft_sd_preconditioner]
 # They need no symmetric part.
 OF_ANY = (tmg.chan_preconditioner, tmg.strang_preconditioner, tmg.spectral_preconditioner)
-OF_SYMMETRIC = [f for f in PRECONDITIONERS if f not in OF_ANY]
-each = pytest.mark.parametrize("preconditioner", PRECONDITIONERS, ids=lambda f: f.__name__)
+OF_SYMMETRIC = [f for f in SYMMETRIC if f not in OF_ANY]
+each = pytest.mark.parametrize("preconditioner", SYMMETRIC, ids=lambda f: f.__name__)
 
 
 def covariance(n):
@@ -128,45 +116,12 @@ def test_complex_numbers_and_diagonals_make_complex_matrices():
     assert not (S + diags(z)).is_hermitian
 
 
-@pytest.mark.parametrize("preconditioner", [tmg.chan_preconditioner, tmg.default_preconditioner])
-def test_sums_of_hermitian_matrices_are_preconditioned(preconditioner):
-    n = 700
-    A = tmg.ToeplitzOperator(0.5 ** np.arange(n) * np.exp(1j * np.arange(n)))
-    x = np.linspace(0.0, 1.0, n)
-    D, E = diags(1.0 + x), diags(2.0 + np.cos(9.0 * x))
-    for S in (A + D, D @ A @ D + E):
-        M = preconditioner(S)
-        assert M.H is M
-        assert solved(tmg.cg, S, M)
-    S = D @ A + E @ A.T + sparse.eye_array(n)
-    assert solved(tmg.gmres, S, preconditioner(S))
-
-
-def test_circulants_of_sums_are_of_the_whole_matrix():
-    """T. Chan's sees what is not symmetric, so that it takes fewer iterations."""
-    n = 1000
-    G = tmg.ToeplitzOperator((1.0 + np.arange(n)) ** -1.1, np.r_[1.0, np.zeros(n - 1)])
-    S = diags(1.0 + np.linspace(0.0, 1.0, n)) @ G
-    counts = []
-    for M in (tmg.chan_preconditioner(S), tmg.chan_preconditioner((S + S.T) / 2)):
-        residuals = []
-        _, info = tmg.gmres(S, np.ones(n), M=M, rtol=1e-8, residuals=residuals)
-        assert info == 0
-        counts.append(len(residuals))
-    assert counts[0] < counts[1]
-
-
-def test_a_rational_number_is_a_number():
+@pytest.mark.parametrize("number", [Fraction(1, 3), np.array(2.0)])
+def test_rational_numbers_and_arrays_without_an_axis_are_numbers(number):
     A = covariance(4)
-    assert_allclose((Fraction(1, 3) * A).toarray(), A.toarray() / 3)
-    assert_allclose((A / Fraction(1, 3)).toarray(), 3 * A.toarray())
-
-
-def test_an_array_without_an_axis_is_a_number():
-    A, two = covariance(4), np.array(2.0)
-    for result, expected in ((two * A, 2.0), (A * two, 2.0), (A / two, 0.5)):
+    for result, expected in ((number * A, number), (A * number, number), (A / number, 1 / number)):
         assert isinstance(result, tmg.ToeplitzOperator)
-        assert_allclose(result.toarray(), expected * A.toarray())
+        assert_allclose(result.toarray(), float(expected) * A.toarray())
 
 
 def test_nothing_that_is_given_changes_a_sum():
@@ -223,9 +178,11 @@ def test_diagonals_of_any_numbers_neither_overflow_nor_saturate(dtype):
         (D @ (A + D), d @ (dense + d)),
         (A - D, dense - d),
         (D - A, d - dense),
+        (3.3 * (A + D), 3.3 * (dense + d)),
+        (D @ A @ D + D, d @ dense @ d + d),
     ):
         assert result.dtype == np.float64
-        assert_allclose(result.toarray(), expected, rtol=1e-12)
+        assert_allclose(result.toarray(), expected, rtol=1e-14)
 
 
 def test_what_is_no_diagonal_matrix_is_composed_by_scipy():
@@ -357,13 +314,10 @@ def test_scaling_takes_fewer_iterations_than_the_mean():
     for size in (1e-2, 1.0, 1e2):
         d = size * 100.0 ** rng.random(n)
         S, of_mean = A + diags(d), A + d.mean() * sparse.eye_array(n)
-        counts = []
-        for M in (tmg.sine_preconditioner(S), tmg.sine_preconditioner(of_mean)):
-            steps = []
-            _, info = tmg.cg(S, b, M=M, rtol=1e-8, callback=steps.append)
-            assert info == 0
-            counts.append(len(steps))
-        assert counts[0] < counts[1]
+        few, more = (
+            count_iterations(tmg.cg, S, b, M=tmg.sine_preconditioner(B)) for B in (S, of_mean)
+        )
+        assert few < more
 
 
 @each
@@ -376,13 +330,6 @@ def test_what_is_not_positive_definite_is_refused(preconditioner):
         # The least eigenvalue of A is near 1/3.
         with pytest.raises(np.linalg.LinAlgError):
             preconditioner(A - 0.6 * sparse.eye_array(300) + wave)
-
-
-def test_a_matrix_that_is_not_symmetric_is_refused_with_advice():
-    G = tmg.ToeplitzOperator(0.5 ** np.arange(30.0), 0.3 ** np.arange(30.0))
-    with pytest.raises(ValueError, match="must be symmetric: use chan_preconditioner"):
-        tmg.cosine_preconditioner(G)
-    assert solved(tmg.gmres, G, tmg.cosine_preconditioner((G + G.T) / 2))
 
 
 def test_a_sum_in_less_precision():
@@ -456,30 +403,14 @@ def test_a_diagonal_that_is_none_is_refused(wrong):
 
 def test_numbers_and_arrays_are_not_subtracted_and_named_as_given():
     A = covariance(3)
-    for x, shown in ((3, "a number, as 3"), (np.uint8(3), "as 3"), (np.ones(3, bool), "an array")):
-        with pytest.raises(TypeError, match=shown):
-            A - x
+    with pytest.raises(TypeError, match="as 3"):
+        A - np.uint8(3)
     with pytest.raises(ValueError, match="1/1e-320 is beyond its precision"):
         A / 1e-320
     with pytest.raises(
         ValueError, match=r"by, or added to, 1000.*\.\.\..*000, but it must be finite"
     ):
         10**400 * A
-
-
-def test_all_of_a_sum_is_in_its_precision():
-    """Diagonals in float32 are what they are; what is made of them in float64 has its digits."""
-    A, (d, e) = covariance(40), diagonals(40)
-    D, E = diags(d.astype(np.float32)), diags(e.astype(np.float32))
-    a, d, e = A.toarray(), *(D.toarray().astype(float), E.toarray().astype(float))
-    for S, dense in (
-        ((A + D) + E, a + d + e),
-        (D @ (E @ A), d @ e @ a),
-        (3.3 * (A + D), 3.3 * (a + d)),
-        (D @ A @ E + D, d @ a @ e + d),
-    ):
-        assert S.dtype == np.float64
-        assert_allclose(S.toarray(), dense, rtol=1e-14)
 
 
 def test_the_bound_of_the_norm_of_a_sum():
@@ -493,7 +424,7 @@ def test_the_bound_of_the_norm_of_a_sum():
 def test_sums_out_of_the_range_of_single_precision_are_refused_in_it(factor):
     S = factor * (covariance(40) + diags(diagonals(40)[0]))
     of_float64 = (tmg.jacobi_preconditioner, tmg.multigrid)
-    for preconditioner in (f for f in PRECONDITIONERS if f not in of_float64):
+    for preconditioner in (f for f in SYMMETRIC if f not in of_float64):
         with pytest.raises(ValueError, match="for a preconditioner in float32 it must be between"):
             preconditioner(S, dtype=np.float32)
     assert solved(tmg.cg, S, tmg.tau_preconditioner(S))
