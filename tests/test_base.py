@@ -44,24 +44,7 @@ def test_what_is_no_number_is_refused(A):
                     multiply()
         with pytest.raises((TypeError, ValueError)):
             A @ content
-
-
-@each_operator
-def test_lists_are_vectors_unless_something_in_them_is_masked(A):
-    n = A.shape[0]
-    assert np.array_equal(A @ ([1] * n), A @ np.ones(n))
-    rows = [np.ma.masked_array([1.0, 2.0], [True, False])] * n
-    for x in (rows, [1.0] * (n - 1) + [np.ma.masked]):
-        with pytest.raises(TypeError, match="masked"):
-            A @ x
-
-
-@each_operator
-def test_numbers_and_operators_still_compose(A):
-    x = np.ones(A.shape[0])
-    assert np.array_equal((2.0 * A) @ x, 2.0 * (A @ x))
-    assert np.array_equal((A * 2.0) @ x, 2.0 * (A @ x))
-    assert np.array_equal((A @ A) @ x, A @ (A @ x))
+    assert np.array_equal(A @ ([1] * n), A @ np.ones(n))  # Lists are vectors.
 
 
 def test_a_product_of_few_unknowns_takes_few_calls():

@@ -86,24 +86,17 @@ def test_what_no_body_is_made_of(make, error, match):
         make()
 
 
-def test_a_bare_pair_is_refused_with_both_spellings():
-    """Taken for a shear modulus, Young's modulus is silently 2.6 times too stiff."""
-    g, pair = np.full((4, 4), 0.1), (210000.0, 0.3)
-    for solve in (
-        lambda: normal_contact(g, (1.0, 1.0), material=pair, force=1.0),
-        lambda: friction(g, (1.0, 1.0), material=pair, shift=(0.1, 0.0)),
-        lambda: rolling(g, (1.0, 1.0), material=pair, lateral=0.1),
-        lambda: halfspace.influence_matrix("z", (4, 4), (1.0, 1.0), pair),
-    ):
-        with pytest.raises(TypeError) as caught:
-            solve()
-        assert "contact.Material(E=210000.0, nu=0.3)" in str(caught.value)
-        assert "contact.Material.from_shear(210000.0, 0.3)" in str(caught.value)
-
-
 @pytest.mark.parametrize("pair", [(210000.0, 0.3), [210000, 0.3], np.array([210000.0, 0.3])])
 @pytest.mark.parametrize("other", [None, Material(E=210000.0, nu=0.3), (70000.0, 0.33)])
-def test_bare_numbers_are_refused_alike_in_the_place_of_both_bodies_or_of_one(pair, other):
+def test_bare_numbers_are_refused_in_the_place_of_both_bodies_or_of_one(pair, other):
+    """Taken for a shear modulus, Young's modulus is silently 2.6 times too stiff."""
+    g = np.full((4, 4), 0.1), (1.0, 1.0)
     for material in (pair, (pair, other), (other, pair)) if other else (pair,):
-        with pytest.raises(TypeError, match=r"Material\(E=.*, nu=.*\) .*from_shear\("):
-            halfspace.influence_matrix("z", (4, 4), (1.0, 1.0), material)
+        for solve in (
+            lambda m: normal_contact(*g, material=m, force=1.0),
+            lambda m: friction(*g, material=m, shift=(0.1, 0.0)),
+            lambda m: rolling(*g, material=m, lateral=0.1),
+            lambda m: halfspace.influence_matrix("z", (4, 4), (1.0, 1.0), m),
+        ):
+            with pytest.raises(TypeError, match=r"Material\(E=.*, nu=.*\) .*from_shear\("):
+                solve(material)
