@@ -205,24 +205,13 @@ def test_one_product_an_iteration_and_one_to_look_at_the_result():
     assert (info, work.products) == (0, 2)  # One of the two made b.
 
 
-@pytest.mark.parametrize("dtype", [np.complex64, np.complex128])
-@pytest.mark.parametrize("preconditioned", [False, True])
+@pytest.mark.parametrize(("dtype", "rtol"), [(np.complex64, 1e-4), (np.complex128, 1e-11)])
+@pytest.mark.parametrize("preconditioner", [lambda A: None, tmg.chan_preconditioner])
 @pytest.mark.parametrize("with_guess", [False, True])
-def test_hermitian_matrices(dtype, preconditioned, with_guess):
-    rng = np.random.default_rng(0)
-    n = 120
-    X = (rng.standard_normal((n, n)) + 1j * rng.standard_normal((n, n))) / np.sqrt(n)
-    A = (X @ X.conj().T + np.diag(np.linspace(1.0, 50.0, n))).astype(dtype)
-    M = np.diag(1.0 / A.diagonal().real) if preconditioned else None
-    if M is not None:  # Hermitian, not symmetric.
-        phase = np.exp(1j * np.arange(n))
-        M = M + 0.001 * np.outer(phase, phase.conj())
-    b = (rng.standard_normal(n) + 1j * rng.standard_normal(n)).astype(dtype)
-    x0 = (rng.standard_normal(n) + 1j * rng.standard_normal(n)).astype(dtype)
-    rtol = 1e-4 if dtype == np.complex64 else 1e-11
-    x, info = tmg.cg(A, b, x0 if with_guess else None, M=M, rtol=rtol, maxiter=100)
-    assert info == 0
-    assert np.linalg.norm(b - A @ x) <= 10.1 * rtol * np.linalg.norm(b)
+def test_hermitian_matrices(dtype, rtol, preconditioner, with_guess):
+    A, b = turned(200, 0.7)
+    A, b, x0 = A.astype(dtype), b.astype(dtype), b[::-1].astype(dtype) if with_guess else None
+    assert count_iterations(tmg.cg, A, b, rtol, x0=x0, M=preconditioner(A)) <= 40
 
 
 @pytest.mark.parametrize("inner", [None, np.float32])
