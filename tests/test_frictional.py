@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from tests.budgets import assert_within_budget
 from tests.test_friction import assert_areas, assert_slip, doubtful
+from tests.test_gaps import Topography
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactError,
@@ -242,17 +243,10 @@ def test_heights_and_units_are_those_of_normal_contact():
     assert_allclose(result.normal.pressure, known.normal.pressure, atol=1e-6)
     assert_allclose(result.tangential.traction, known.tangential.traction, atol=1e-6)
 
-    class Topography:
-        pixel_size, unit, is_periodic, is_uniform = pixel, "um", True, True
-        physical_sizes = tuple(24 * h for h in pixel)
-
-        def heights(self):
-            return -1e3 * gap
-
+    sizes = tuple(24 * h for h in pixel)
     with pytest.raises(ValueError, match="a topography that repeats"):
-        frictional_contact(heights=Topography(), **case)
-    Topography.is_periodic = False
-    same = frictional_contact(heights=Topography(), **case)
+        frictional_contact(heights=Topography(-1e3 * gap, sizes, "um", is_periodic=True), **case)
+    same = frictional_contact(heights=Topography(-1e3 * gap, sizes, "um"), **case)
     assert_allclose(same.normal.pressure, known.normal.pressure, atol=1e-6)
 
 
@@ -404,13 +398,8 @@ def test_friction_in_one_contact_may_open_or_close_another(towards):
         ({"mu": np.nan}, ValueError, "mu is not a number somewhere"),
         ({"mu": [0.1, 0.2]}, ValueError, r"mu has shape \(2,\), but must be a number, or have"),
         ({"heights": np.ones((4, 4))}, ValueError, "either gap or heights must be given"),
-        ({"approach": 1.0}, ValueError, "one of the two must be given"),
         ({"force": None, "approach": 1e200}, ValueError, r"the interference is of size 1e\+200"),
-        (
-            {"shift": (0.0, 0.0), "tangential_force": (0.0, 0.0)},
-            ValueError,
-            "at most one of the two may be given",
-        ),
+        ({"shift": (0, 0), "tangential_force": (0, 0)}, ValueError, "at most one of the two may"),
         ({"tangential_force": (0.07, 0.0)}, ValueError, "tangential_force is .* would slide off"),
         ({"tangential_force": (0.07, 0), "force": None, "approach": 0.2}, ValueError, "slide off"),
         ({"previous": 1.0}, TypeError, "previous is of type float, but must be a FrictionalResult"),
