@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import toeplitz_mg as tmg
-from comparisons.workloads.__main__ import JOBS, ROOT, main
+from comparisons.workloads.__main__ import JOBS, main
 from comparisons.workloads.jobs import JOBS as ALL
 from comparisons.workloads.judging import Measurement, Result, differ
 
@@ -77,20 +77,11 @@ def repository(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_revision_is_as_fast_as_itself(repository, capsys):
-    repository.commit()
-    assert repository.run("--against", "HEAD") == 0
-    printed = capsys.readouterr().out
-    assert "tiny: one" in printed
-    assert "all" in printed.split()
-    assert "Geometric mean of 1 ratios" in printed
-
-
-@pytest.mark.slow
 def test_a_difference_of_answers_is_an_error(repository, capsys):
     repository.commit()
     repository.commit(answer="1.0 + 1e-9")
     assert repository.run("--against", "HEAD~1") == 0
+    assert "Geometric mean of 1 ratios" in capsys.readouterr().out
     repository.commit(answer="1.1")
     assert repository.run("--against", "HEAD~1") == 1
     assert "FAILED tiny: one: answers differ by 9.1e-02" in capsys.readouterr().out
@@ -110,17 +101,6 @@ def test_what_takes_longer_is_measured_again_and_an_error(repository, capsys):
     assert repository.run("--against", "HEAD", peer="prepare_peer") == 0
 
 
-@pytest.mark.slow
-def test_an_error_counts_in_this_tree_alone(repository, capsys):
-    repository.commit()
-    repository.commit(answer="1 / 0")
-    assert repository.run("--against", "HEAD~1") == 1
-    assert "FAILED tiny: one: ZeroDivisionError" in capsys.readouterr().out
-    repository.commit()
-    assert repository.run("--against", "HEAD~1") == 0
-    assert "there: ZeroDivisionError" in capsys.readouterr().out
-
-
 def test_unknown_revisions_and_jobs_are_refused(repository, capsys):
     repository.commit()
     with pytest.raises(SystemExit, match="no-such-revision"):
@@ -128,14 +108,6 @@ def test_unknown_revisions_and_jobs_are_refused(repository, capsys):
     with pytest.raises(SystemExit):
         repository.run("--jobs", "no such job")
     assert "no job has no such job in its name" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a clone")
-def test_a_job_of_the_package_against_its_last_revision(capsys):
-    main(["--against", "HEAD", "--jobs", "batch", "--runs", "1"])
-    rows = [line for line in capsys.readouterr().out.splitlines() if "batch" in line]
-    assert "ms" in rows[0] or "µs" in rows[0]
 
 
 def test_jobs_use_public_names_alone():
@@ -154,12 +126,6 @@ def test_jobs_use_public_names_alone():
             assert node.attr in modules[node.value.id].__all__
             used += 1
     assert used > 20
-
-
-def test_jobs_have_names_of_their_own():
-    names = [(job.family, job.name) for job in ALL]
-    assert len(set(names)) == len(names)
-    assert {job.limit for job in ALL if "indefinite" not in job.name} == {1.3}
 
 
 @pytest.mark.slow
