@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 import toeplitz_mg as tmg
-from tests.test_determinant import covariance, fractional_noise, matern
+from tests.test_determinant import covariance, matern
 
 NAMES = ["fGn, H = 0.3", "fGn, H = 0.99", "(1+k)^-1.1", "exp(-k/1000)", "Matérn 3/2, ℓ = 5"]
 each_name = pytest.mark.parametrize("name", NAMES)
@@ -75,35 +75,6 @@ def test_gradients_are_those_of_the_dense_density(name, gaps):
     exact[0] /= 2
     assert_allclose(by_c, exact, rtol=0, atol=1e-9 * abs(exact).max())
     assert_allclose(by_y, -alpha, rtol=0, atol=1e-9 * abs(alpha).max())
-
-
-@pytest.mark.parametrize(
-    ("family", "truth", "bounds"),
-    [
-        pytest.param(fractional_noise, 0.8, (0.1, 0.95), marks=pytest.mark.slow),
-        (matern, 4.0, (0.5, 20.0)),
-    ],
-)
-def test_a_fit_finds_the_estimates_of_a_dense_fit(family, truth, bounds):
-    """Of a variance, and of Hurst's exponent or of a correlation length."""
-    n = 150
-    y = tmg.ToeplitzNormal(2.0 * family(n, truth)).rvs(random_state=5)
-
-    def fast(parameters):
-        variance, other = parameters
-        step = 1e-6
-        by_other = (family(n, other + step) - family(n, other - step)) / (2 * step)
-        process = tmg.ToeplitzNormal(variance * family(n, other))
-        value, by_c, _ = process.logpdf_and_grad(y)
-        return -value, -np.array([by_c @ family(n, other), by_c @ (variance * by_other)])
-
-    def dense(parameters):
-        c = parameters[0] * family(n, parameters[1])
-        return -multivariate_normal(np.zeros(n), scipy.linalg.toeplitz(c)).logpdf(y)
-
-    options = {"x0": (1.0, 0.75 * truth), "bounds": ((0.1, 10.0), bounds), "tol": 1e-12}
-    fit = scipy.optimize.minimize(fast, jac=True, **options)
-    assert_allclose(fit.x, scipy.optimize.minimize(dense, **options).x, rtol=1e-4)
 
 
 @each_name
