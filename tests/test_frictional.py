@@ -23,57 +23,6 @@ SOFT, RIGID = Material.from_shear(0.5, 0.0), Material.rigid()
 BODIES = Material.from_shear(1.0, 0.1), Material.from_shear(3.0, 0.4)
 
 
-def boussinesq(G, nu, x, y, z):
-    """Displacements of a half-space z > 0 by a unit force along z at its origin (Johnson, 3.18)."""
-    rho = np.sqrt(x**2 + y**2 + z**2)
-    common = z / rho**3 - (1 - 2 * nu) / (rho * (rho + z))
-    u_z = z**2 / rho**3 + 2 * (1 - nu) / rho
-    return np.array([x * common, y * common, u_z]) / (4 * np.pi * G)
-
-
-def cerruti(G, nu, x, y, z):
-    """Displacements of a half-space z > 0 by a unit force along x at its origin (Johnson, 3.75)."""
-    rho = np.sqrt(x**2 + y**2 + z**2)
-    a, b = rho + z, 1 - 2 * nu
-    u_x = 1 / rho + x**2 / rho**3 + b * (1 / a - x**2 / (rho * a**2))
-    u_y = x * y / rho**3 - b * x * y / (rho * a**2)
-    u_z = x * z / rho**3 + b * x / (rho * a)
-    return np.array([u_x, u_y, u_z]) / (4 * np.pi * G)
-
-
-@pytest.mark.parametrize("name", ["xz", "yz", "zx", "zy"])
-def test_coupling_is_the_difference_of_two_bodies(name):
-    """By integration of Boussinesq's and Cerruti's solutions over an element, for each body.
-
-    The first body is z > 0, the second z < 0: it is turned about the x-axis, where y and z, and all
-    tractions on it, have the other sign.
-    """
-    h1, h2, x, y = 0.8, 0.5, 0.9, -0.6
-    (m, n), load = name, {"x": 0, "y": 1, "z": 2}
-    t, w = np.polynomial.legendre.leggauss(40)
-    X, Y = np.meshgrid(x - h1 / 2 * t, y - h2 / 2 * t, indexing="ij")
-    weight = np.outer(w, w) * h1 * h2 / 4
-
-    def displacement(body, direction, X, Y):
-        if direction == "z":
-            return boussinesq(body.G, body.nu, X, Y, 0.0)
-        if direction == "x":
-            return cerruti(body.G, body.nu, X, Y, 0.0)
-        u = cerruti(body.G, body.nu, Y, -X, 0.0)  # Turned by a right angle about z.
-        return np.array([-u[1], u[0], u[2]])
-
-    first = displacement(BODIES[0], n, X, Y)[load[m]]
-    # On the second body acts minus the traction: in its own frame (x, -y, -z) that is a force along
-    # -x, +y or +z.
-    sign = np.array([1.0, -1.0, -1.0])
-    second = -sign[load[n]] * displacement(BODIES[1], n, X, -Y)[load[m]] * sign[load[m]]
-    expected = ((first - second) * weight).sum()
-    both = halfspace.combined_material(*BODIES)
-    kernel = getattr(halfspace, "influence_" + "".join(sorted(name)))
-    value = kernel(x, y, (h1, h2), G=both.G, K=both.difference)
-    assert_allclose(value if name[1] == "z" else -value, expected, rtol=1e-9)
-
-
 def test_in_plane_strain_friction_lifts_one_side_and_lowers_the_other():
     """By the same, however far away; what pressures displace besides is as without friction."""
     n, h, bodies = 40, 0.05, (SOFT, RIGID)
