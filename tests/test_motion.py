@@ -69,18 +69,6 @@ def test_the_force_of_creepages_has_these_creepages(n, creepages):
         assert result.products <= 2.5 * by_creepage.products
 
 
-def test_power_of_carter_is_what_slip_dissipates():
-    errors = []
-    for n in (100, 400, 1600):
-        x, _, result = line(n, longitudinal=-MU * A * 0.4)
-        assert result.moment is None
-        assert_allclose(result.power, 0.4 * MU * A * result.force, rtol=1e-12)
-        dissipated = -(result.traction * result.slip).sum() * (x[1] - x[0])
-        errors.append(abs(dissipated / result.power - 1))
-    assert errors[2] < 0.3 * errors[0]  # The sum over the elements is of low order.
-    assert errors[2] < 0.02
-
-
 def test_moment_and_power_of_rolling():
     creepages, x, y = np.array([0.02, 0.04, -0.1]), 0.3, -0.2
     field = np.zeros((2, 48, 48))
