@@ -176,16 +176,6 @@ def test_iterations_on_a_line():
         assert_within_budget("FSAI, any area of a line", iterations=max(found))
 
 
-def test_a_covariance_takes_fewer_iterations_than_with_any_transform():
-    """Matérn, ν = 1/2 and 3/2, on a mask."""
-    for nu in (0.5, 1.5):
-        A = operator(matern((128, 128), nu, 3.0), AREAS["random, 50 %"](128))
-        count = max(both_iterations(A))
-        b = np.random.default_rng(0).standard_normal(A.shape[0])
-        _, info = tmg.cg(A, b, M=tmg.sine_preconditioner(A), rtol=1e-8, maxiter=2 * count)
-        assert info > 0
-
-
 # An operator like the others ------------------------------------------------------------------
 
 
