@@ -67,20 +67,20 @@ def test_what_is_saved_is_loaded(result, tmp_path):
             again.contact[...] = False
 
 
-def pressed_on_steps():
-    """Unlike bodies that are pressed in two steps."""
-    gap = surfaces.sphere((32, 32), (0.05, 0.05), radius=1.0)
-    bodies = Material(E=2.0, nu=0.1), Material.rigid()
+def pressed_on_steps(gap=None, h=(0.05, 0.05)):
+    """Unlike bodies that are pressed in two steps, with what they were given."""
+    gap = surfaces.sphere((32, 32), h, radius=1.0) if gap is None else gap
+    case = {"material": (Material(E=2.0, nu=0.1), Material.rigid()), "mu": 0.2}
     state = None
     for force in (0.05, 0.1):
-        state = contact.frictional_contact(
-            gap, (0.05, 0.05), material=bodies, mu=0.2, force=force, previous=state
-        )
-    return gap, bodies, state
+        state = contact.frictional_contact(gap, h, force=force, previous=state, **case)
+    return (gap, h), case, state
 
 
-def test_frictional_contact_is_saved_with_its_parts(tmp_path):
-    gap, bodies, state = pressed_on_steps()
+@pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
+@pytest.mark.parametrize("gap", [None, surfaces.cylinder(32, 0.05, radius=1.0)])
+def test_frictional_contact_is_saved_with_its_parts(gap, tmp_path):
+    given, case, state = pressed_on_steps() if gap is None else pressed_on_steps(gap, 0.05)
     state.save(tmp_path / "x.npz")
     again = contact.load(tmp_path / "x.npz")
     assert type(again) is contact.FrictionalResult
@@ -88,9 +88,8 @@ def test_frictional_contact_is_saved_with_its_parts(tmp_path):
     assert_same(again.tangential, state.tangential)
     assert again.residuals == state.residuals
     # What comes next is the same, to the last bit: the state before the last step is there too.
-    case = {"material": bodies, "mu": 0.2, "force": 0.12}
     one, other = (
-        contact.frictional_contact(gap, (0.05, 0.05), previous=x, **case) for x in (state, again)
+        contact.frictional_contact(*given, force=0.12, previous=x, **case) for x in (state, again)
     )
     assert_same(one.normal, other.normal)
     assert_same(one.tangential, other.tangential)

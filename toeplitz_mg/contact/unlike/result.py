@@ -16,7 +16,7 @@ from toeplitz_mg.contact.units import Quantity, units_of
 class Before:
     """Tractions before a step, with the force and the approach that pressed."""
 
-    traction: Annotated[Array, Quantity("N/mm²", "3, grid | 2, grid")]
+    traction: Annotated[Array, Quantity("N/mm²", "1, grid | 2, grid")]
     force: Annotated[float, Quantity("force")]
     approach: Annotated[float, Quantity("mm")]
 
