@@ -2,17 +2,17 @@
 
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.doubts import ContactWarning
-from toeplitz_mg.contact.loading import load
 from toeplitz_mg.contact.loads import load_curve
 from toeplitz_mg.contact.normal.problem import normal_contact
-from toeplitz_mg.contact.result import (
+from toeplitz_mg.contact.results import (
     ContactError,
     ContactResult,
+    FrictionalResult,
     NormalResult,
     TangentialResult,
 )
-from toeplitz_mg.contact.stresses import Stresses
-from toeplitz_mg.contact.subsurface import subsurface_stresses
+from toeplitz_mg.contact.results.files import load
+from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
 from toeplitz_mg.contact.tangential.curves import CreepCurve, creep_curve
 from toeplitz_mg.contact.tangential.friction import friction
 from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coefficients
@@ -21,7 +21,6 @@ from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.tangential.steps import rolling_steps
 from toeplitz_mg.contact.theory import HertzContact, hertz
 from toeplitz_mg.contact.unlike.pressing import frictional_contact
-from toeplitz_mg.contact.unlike.result import FrictionalResult
 from toeplitz_mg.contact.unlike.rolling import frictional_rolling
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems

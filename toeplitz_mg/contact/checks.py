@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.fields import require_finite, require_whole
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.result import NormalResult, TangentialResult
+from toeplitz_mg.contact.results import NormalResult, TangentialResult
+from toeplitz_mg.contact.results.quantities import require_finite, require_whole
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 

@@ -13,7 +13,7 @@ from toeplitz_mg.contact.checks import check_hardness, check_iteration, check_lo
 from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import Pressed, press
-from toeplitz_mg.contact.result import NormalResult, check_converged
+from toeplitz_mg.contact.results import NormalResult, check_converged
 from toeplitz_mg.values import field
 
 LEAP = 2.0  # Factor between two loads from which the pressures of one are no guess of the other.

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from scipy.special import elliprd, elliprf
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.summary import Figure, Summary, list_figures, tabulate_figures
-from toeplitz_mg.contact.units import units_of
+from toeplitz_mg.contact.results.base import Described, Figure, Summary
+from toeplitz_mg.contact.results.quantities import units_of
 from toeplitz_mg.halfspace.materials import combine
 from toeplitz_mg.values import field, fields, finite, in_range, positive
 
@@ -18,7 +18,7 @@ FLATTEST = 1e4  # Ratio of two radii of curvature up to which the equation of th
 
 
 @dataclass(frozen=True)
-class HertzContact:
+class HertzContact(Described):
     """The contact of an ellipsoid or a cylinder with a flat, by Hertz's theory.
 
     Attributes
@@ -87,8 +87,6 @@ class HertzContact:
         a, b = self.half_axes
         inside = 1.0 - (x / a) ** 2 - (y / b) ** 2
         return self.max_pressure * np.sqrt(np.maximum(0.0, inside))
-
-    summary, _repr_html_ = list_figures, tabulate_figures
 
     def _summary(self) -> Summary:
         axes = [a for a in self.half_axes if math.isfinite(a)]

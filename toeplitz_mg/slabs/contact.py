@@ -17,7 +17,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_bound
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal.problem import Pressed, press
-from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
+from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.friction import Shifted, shift_bodies
 from toeplitz_mg.contact.tangential.rolling import Rolled, compare_loads, roll
 from toeplitz_mg.contact.tangential.steps import Stepped, roll_steps

@@ -31,7 +31,8 @@ from toeplitz_mg.contact.normal.prediction import Known, predict
 from toeplitz_mg.contact.normal.solving import State, solve
 from toeplitz_mg.contact.normal.stiffness import find_stiffness
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import NormalResult, check_converged, touches_edge
+from toeplitz_mg.contact.results import NormalResult, check_converged
+from toeplitz_mg.contact.results.base import touches_edge
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import refuse_masked

@@ -8,25 +8,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
-from toeplitz_mg.contact import fields, plotting, saving
 from toeplitz_mg.contact.grid import DENSE
-from toeplitz_mg.contact.result import NormalResult, TangentialResult
-from toeplitz_mg.contact.summary import (
+from toeplitz_mg.contact.results import NormalResult, TangentialResult, files, pictures
+from toeplitz_mg.contact.results.base import (
     Figure,
+    Result,
     Summary,
     describe_cost,
     list_figures,
     span,
-    tabulate_figures,
 )
+from toeplitz_mg.contact.results.quantities import Quantity, name_units
 from toeplitz_mg.contact.tangential.motion import CREEPAGES
 from toeplitz_mg.contact.tangential.rolling import rolling
-from toeplitz_mg.contact.units import Quantity, name_units
 from toeplitz_mg.values import field
 
 
+@files.loadable
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class CreepCurve:
+class CreepCurve(Result):
     """Forces over creepages, a row for each point (see `creep_curve`).
 
     Attributes
@@ -53,16 +53,10 @@ class CreepCurve:
     creepages: Annotated[Array, Quantity("creepages", "points | points, 3", beyond="nan")]
     force: Annotated[Array, Quantity("force", "points | points, 2")]
     moment: Annotated[Array | None, Quantity("N mm", "points")]
-    power: Annotated[Array, Quantity("loss", "points")]
+    power: Annotated[Array, Quantity("loss", "points", label="power over speed")]
     stick_share: Annotated[Array, Quantity("1", "points")]
     products: Annotated[Array, Quantity("", "points", "i")]
     element: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        fields.protect(self)
-
-    __setstate__ = fields.restore
-    summary, _repr_html_ = list_figures, tabulate_figures
 
     def __repr__(self) -> str:
         """Return the creepages and the forces in one line."""
@@ -73,8 +67,6 @@ class CreepCurve:
     def units(self) -> dict[str, str]:
         """The units of the attributes, by their names."""
         return name_units(self)
-
-    save = saving.save
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the forces over the creepage that varies, or over the first that does.
@@ -93,7 +85,7 @@ class CreepCurve:
         ImportError
             Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        ax = plotting.find_axes(ax)
+        ax = pictures.find_axes(ax)
         points = self.creepages.reshape(len(self.force), -1).T
         over = next((k for k, x in enumerate(points) if np.ptp(x) > 0.0), 0)
         for name, values in zip("xy", np.atleast_2d(self.force.T), strict=False):
@@ -110,18 +102,15 @@ class CreepCurve:
         return Summary(title, self._figures(), self._cost)
 
     def _figures(self) -> list[Figure]:
-        units, creepages, spin = self.units, self.creepages, None
+        creepages, spin = self.creepages, None
         if creepages.ndim > 1:
             creepages, spin = creepages[:, :2], creepages[:, 2]
-        columns = (
-            ("creepages", creepages, ""),
-            ("force", self.force, units["force"]),
-            ("spin", spin if np.any(spin) else None, "1/mm"),
-            ("moment", self.moment, "N mm"),
-            ("power over speed", self.power, units["power"]),
-            ("share that sticks", 100.0 * self.stick_share, "%"),
-        )
-        return [span(name, x, unit) for name, x, unit in columns if x is not None]
+        figures = list_figures(
+            self, Figure("creepages", creepages), "force",
+            Figure("spin", spin if np.any(spin) else None, "1/mm"), "moment", "power",
+            Figure("share that sticks", 100.0 * self.stick_share, "%"),
+        )  # fmt: skip
+        return [span(figure) for figure in figures]
 
     @property
     def _cost(self) -> str:

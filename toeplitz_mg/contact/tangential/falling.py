@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
 from toeplitz_mg.contact.products import Report
-from toeplitz_mg.contact.result import ContactError, TangentialResult
+from toeplitz_mg.contact.results import ContactError, TangentialResult
 from toeplitz_mg.values import in_range, numbers
 
 ROUNDS = 400  # Bounds that are tried: a dozen are usual.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.result import ContactError, TangentialResult, check_converged
+from toeplitz_mg.contact.results import ContactError, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import size
 from toeplitz_mg.contact.tangential.falling import Rounds, factor_of, fall, size_of_slip
 from toeplitz_mg.contact.tangential.given_loads import Loads

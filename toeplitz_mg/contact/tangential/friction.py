@@ -21,12 +21,8 @@ from toeplitz_mg.contact.checks import (
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import (
-    NormalResult,
-    TangentialResult,
-    check_converged,
-    touches_edge,
-)
+from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
+from toeplitz_mg.contact.results.base import touches_edge
 from toeplitz_mg.contact.tangential.coulomb import clip, sum_components
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding

@@ -7,7 +7,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.summary import Figure, Summary, tabulate_figures
+from toeplitz_mg.contact.results.base import Figure, Summary
 from toeplitz_mg.contact.tangential.rolling import Rolled, roll
 from toeplitz_mg.halfspace.materials import Material, check_ratio
 from toeplitz_mg.values import count, positive
@@ -37,11 +37,8 @@ class KalkerCoefficients(NamedTuple):
     C33: float
 
     def _repr_html_(self) -> str:
-        return tabulate_figures(self)
-
-    def _summary(self) -> Summary:
         figures = [Figure(name, value) for name, value in self._asdict().items()]
-        return Summary("Kalker's coefficients", figures)
+        return Summary("Kalker's coefficients", figures).tabulate()
 
 
 def kalker_coefficients(ratio: float, nu: float, *, n: int = ELEMENTS) -> KalkerCoefficients:

@@ -17,7 +17,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, check_previous, check_rolled, is_lateral
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products, Report
-from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
+from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.falling import Rounds, fall
 from toeplitz_mg.contact.tangential.falling_loads import fall_by_loads

@@ -7,7 +7,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import check_shift
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.results import TangentialResult
 from toeplitz_mg.contact.tangential.coulomb import (
     Areas,
     along,

@@ -20,7 +20,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, check_previous, check_rolled, is_lateral
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.result import NormalResult, TangentialResult, check_converged
+from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.coulomb import clip
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion

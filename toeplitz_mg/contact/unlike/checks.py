@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.products import Report
-from toeplitz_mg.contact.result import ContactError, FrictionalResult, check_converged
+from toeplitz_mg.contact.results import ContactError, FrictionalResult, check_converged
 
 
 def read_gap(

@@ -7,7 +7,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.results import TangentialResult
 from toeplitz_mg.operators import apply_to_rows
 
 

@@ -13,7 +13,7 @@ from toeplitz_mg.contact.normal.active_set import Search
 from toeplitz_mg.contact.normal.problem import make_result
 from toeplitz_mg.contact.normal.solving import State, solve
 from toeplitz_mg.contact.products import Products, Report
-from toeplitz_mg.contact.result import NormalResult
+from toeplitz_mg.contact.results import NormalResult
 from toeplitz_mg.contact.unlike.coupling import Coupling
 from toeplitz_mg.operators import apply_to_rows
 

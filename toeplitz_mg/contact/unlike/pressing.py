@@ -22,12 +22,12 @@ from toeplitz_mg.contact.checks import (
 )
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Report
+from toeplitz_mg.contact.results import Before, FrictionalResult
 from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, is_field
 from toeplitz_mg.contact.unlike.alternation import alternate
 from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.coupling import Coupling, bound_of
 from toeplitz_mg.contact.unlike.normal_side import Pressing
-from toeplitz_mg.contact.unlike.result import Before, FrictionalResult
 from toeplitz_mg.contact.unlike.tangential_sides import Shifting
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows

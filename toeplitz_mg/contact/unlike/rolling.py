@@ -11,7 +11,7 @@ from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_friction, check_iteration, check_load
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Report
-from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.results import FrictionalResult, TangentialResult
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.rolling import Rolled, roll
@@ -21,7 +21,6 @@ from toeplitz_mg.contact.unlike.checks import check_both, read_gap
 from toeplitz_mg.contact.unlike.coupling import Coupling, bound_of
 from toeplitz_mg.contact.unlike.normal_side import Pressing
 from toeplitz_mg.contact.unlike.pressing import INNER
-from toeplitz_mg.contact.unlike.result import FrictionalResult
 from toeplitz_mg.contact.unlike.tangential_sides import Rolling
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.values import count, refuse_masked

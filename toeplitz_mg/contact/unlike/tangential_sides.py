@@ -10,7 +10,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import SLIDES
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products, Report
-from toeplitz_mg.contact.result import TangentialResult
+from toeplitz_mg.contact.results import TangentialResult
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding

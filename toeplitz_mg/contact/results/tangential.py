@@ -7,26 +7,15 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import fields, plotting, saving, vtk
-from toeplitz_mg.contact.summary import (
-    ENERGY,
-    NOTHING,
-    Figure,
-    Summary,
-    describe_cost,
-    describe_grid,
-    list_figures,
-    shorten,
-    tabulate_figures,
-)
-from toeplitz_mg.contact.units import Quantity, units_of
+from toeplitz_mg.contact.results import files
+from toeplitz_mg.contact.results.base import NOTHING, Figure, GridResult, list_figures
+from toeplitz_mg.contact.results.quantities import ENERGY, TOGETHER, VECTORS, Quantity, name_units
 from toeplitz_mg.halfspace import CombinedMaterial
 
-VECTORS = "grid | 2, grid"  # The axes of what has a direction, along x alone or along both axes.
 
-
+@files.loadable
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class TangentialResult:
+class TangentialResult(GridResult):
     """Two bodies that shift or roll on each other: tractions, slip, areas of stick and of slip.
 
     Fields have the shape of the grid, and cannot be written to; those with a direction have on a
@@ -44,12 +33,12 @@ class TangentialResult:
         The centres of the elements along each axis, mm (see `x` and `y`).
     traction : ndarray
         The tangential tractions, N/mm².
-    displacement : ndarray
-        The displacement of both bodies together along the tractions, mm, in rolling too. It is
-        given, as the slip is, in contact only, and zero elsewhere.
     slip : ndarray
         The slip (Eq. 1): along minus the traction where the bodies slide, zero where they stick.
         It is in mm, in rolling over the distance rolled, dimensionless.
+    displacement : ndarray
+        The displacement of both bodies together along the tractions, mm, in rolling too. It is
+        given, as the slip is, in contact only, and zero elsewhere.
     bound : ndarray
         The traction bound g, N/mm².
     contact : ndarray of bool
@@ -118,16 +107,16 @@ class TangentialResult:
     shape: tuple[int, ...]
     element: Annotated[tuple[float, ...], Quantity("mm")]
     centres: tuple[Array, ...]
-    traction: Annotated[Array, Quantity("N/mm²", VECTORS)]
-    displacement: Annotated[Array, Quantity("mm", VECTORS)]
-    slip: Annotated[Array, Quantity("slip", VECTORS)]
+    traction: Annotated[Array, Quantity("N/mm²", VECTORS, shades="Blues Oranges")]
+    slip: Annotated[Array, Quantity("slip", VECTORS, shades="Oranges")]
+    displacement: Annotated[Array, Quantity("mm", VECTORS, label=TOGETHER, shades="Greens")]
     bound: Annotated[Array, Quantity("N/mm²", "grid", beyond="inf")]
     contact: Annotated[Array, Quantity("1", "grid", "b")]
     stick: Annotated[Array, Quantity("1", "grid", "b")]
-    area: Annotated[float, Quantity("area")]
-    stick_area: Annotated[float, Quantity("area")]
+    area: Annotated[float, Quantity("area", label="contact")]
+    stick_area: Annotated[float, Quantity("area", label="of which sticks")]
     force: Annotated[Any, Quantity("force", "2")]
-    energy: Annotated[float, Quantity("energy")]
+    energy: Annotated[float, Quantity("energy", label=ENERGY)]
     touches_edge: bool
     periodic: tuple[bool, ...] = ()
     shift: Annotated[Any, Quantity("mm", f"2 | {VECTORS}")] = None
@@ -143,9 +132,6 @@ class TangentialResult:
 
     # What only normal contact has.
     gap: ClassVar[None] = None
-
-    def __post_init__(self) -> None:
-        fields.protect(self)
 
     @property
     def sliding(self) -> Array:
@@ -173,43 +159,12 @@ class TangentialResult:
         """The shift, or the creepages, by the name that they share with an approach."""
         return self.shift if self.creepages is None else self.creepages
 
-    def plot(self, field: str | None = None, ax: Any = None) -> Any:
-        """Draw the tractions where the bodies stick and where they slip, or another field.
-
-        Parameters
-        ----------
-        field : str, optional
-            "traction", "slip" or "displacement"; by default the first.
-        ax : matplotlib.axes.Axes, optional
-            Where to draw, as beside other results; by default on a new figure.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        ValueError
-            Where there is no such field.
-        ImportError
-            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
-        """
-        return plotting.draw(self, field, ax)
-
-    __setstate__ = fields.restore
-    x, y, contact_fraction = fields.x, fields.y, fields.contact_fraction
-    save, to_xarray, to_vtk = saving.save, saving.to_xarray, vtk.to_vtk
-    summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
-
-    def _summary(self) -> Summary:
-        kind = "Friction" if self.creepages is None else "Rolling"
-        title = f"{kind}, {describe_grid(self.shape, self.element)}"
-        cost = describe_cost(self.products, self.residual)
-        return Summary(title, self._figures(), cost, self.warnings)
+    @property
+    def _title(self) -> str:
+        return "Friction" if self.creepages is None else "Rolling"
 
     def _figures(self) -> list[Figure]:
         is_rolling = self.creepages is not None
-        units = units_of(self.element, rolls=is_rolling)
         creepages, spin = self.creepages, None
         if is_rolling and np.size(creepages) == 3:
             *creepages, spin = creepages
@@ -217,19 +172,14 @@ class TangentialResult:
         arm = 0.5 * max(h * n for h, n in zip(self.element, self.shape, strict=False))
         largest = arm * prod(self.element) * float(self.magnitude.sum())
         moment = 0.0 if abs(self.moment or 0.0) <= NOTHING * largest else self.moment
+        name, unit = "power over speed" if is_rolling else "work of slip", name_units(self)["power"]
         lost = (
             Figure("moment", None if self.moment is None else moment, "N mm"),
-            Figure("power over speed" if is_rolling else "work of slip", self.power, units["loss"]),
+            Figure(name, self.power, unit),
         )
-        figures = [
-            Figure("force", self.force, units["force"]),
-            Figure("creepages", creepages),
-            Figure("spin", spin, "1/mm"),
+        return list_figures(
+            self, "force", Figure("creepages", creepages), Figure("spin", spin, "1/mm"),
             Figure("shift", "a field" if np.size(self.shift) > 2 else self.shift, "mm"),
-            *(lost if is_rolling else ()),
-            Figure("contact", self.area, units["area"]),
-            Figure("of which sticks", self.stick_area, units["area"]),
-            *(() if is_rolling else lost),
-            Figure(ENERGY, self.energy, units["energy"]),
-        ]
-        return [figure for figure in figures if figure.value is not None]
+            *(lost if is_rolling else ()), "area", "stick_area",
+            *(() if is_rolling else lost), "energy",
+        )  # fmt: skip

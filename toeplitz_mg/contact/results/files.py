@@ -3,31 +3,49 @@
 A result is an ``.npz`` file of its arrays by their names, which `numpy.load` reads too, and of a
 text in JSON, `about`: what kind of result it is, its numbers, and the units of all. Of a result
 with parts, as `FrictionalResult`, the name of the part comes before that of its array, as in
-`normal_pressure`. `save` and `to_xarray` are methods of all kinds of results.
+`normal_pressure`. `save`, `to_xarray` and `to_vtk` are methods of results.
 """
 
+import base64
 import json
 import os
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
 from math import prod
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.fields import require_whole
-from toeplitz_mg.contact.units import Quantity, name_units, quantities
+from toeplitz_mg.contact.results.quantities import (
+    Quantity,
+    fields_on_grid,
+    name_units,
+    quantities,
+    require_whole,
+)
 from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.whole_files import check_folder, find_status, new_whole
 
 FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
 LONGEST = 2**24  # Most bytes of the text in a file.
 ROUNDING = 1e-6  # Relative error of the places and of the sums in a file.
+TYPES = {"b": "UInt8", "f": "Float64", "i": "Int64"}  # Those of VTK, by the kind of a dtype.
+
+Kind = TypeVar("Kind")
+KINDS: dict[str, type] = {}  # What a file may have, and a result in a file for a part.
+Arrays = Iterable[tuple[str, Array]]  # Names and fields, whose first axis is that of components.
+
+
+def loadable(kind: type[Kind]) -> type[Kind]:
+    """Let files have this class of results: a decorator."""
+    KINDS[kind.__name__] = kind
+    return kind
 
 
 def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -58,8 +76,43 @@ def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) 
         np.savez(file, **everything)
 
 
-def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
-    """Read a result of one of some kinds, by their names (see `contact.load`)."""
+def load(path: str | os.PathLike[str]) -> Any:
+    """Read a result that `save` has written.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    NormalResult, TangentialResult, FrictionalResult, CreepCurve or Stresses
+        What was saved.
+
+    Raises
+    ------
+    OSError
+        Where there is no such file.
+    ValueError
+        Where it is another file than of `save`.
+
+    See Also
+    --------
+    NormalResult.save, TangentialResult.save, FrictionalResult.save, CreepCurve.save, Stresses.save
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from toeplitz_mg import contact
+    >>> steel, element = contact.Material(E=210000.0, nu=0.3), (0.01, 0.01)
+    >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)
+    >>> pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "pressed.npz"
+    ...     pressed.save(path)
+    ...     again = contact.load(path)
+    >>> again
+    <NormalResult 64 x 64: force 100 N, approach 0.0034825 mm, contact 0.1116 mm²; 10 products>
+    """
     path = Path(path)
     try:
         with path.open("rb") as opened:
@@ -67,7 +120,7 @@ def load_result(path: str | os.PathLike[str], kinds: Mapping[str, type]) -> Any:
             if isinstance(file, np.ndarray):
                 raise ValueError("it is a single array")
             with file:
-                return _compose(_Arrays(file), _read_about(file), kinds)
+                return _compose(_Arrays(file), _read_about(file))
     except OSError:
         raise
     except Exception as error:  # NumPy, zip files and JSON raise many.
@@ -149,7 +202,7 @@ def _check_numbers(name: str, value: Any, quantity: Quantity) -> None:
 
 def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return the arrays of a result, or of a part of one, and in words and numbers the rest."""
-    arrays, values = split_fields(result)
+    arrays, values = _split_fields(result)
     about: dict[str, Any] = {"kind": type(result).__name__, "values": values, "parts": {}}
     if "material" in vars(result):
         about |= {"material": asdict(result.material), "units": name_units(result)}
@@ -164,17 +217,16 @@ def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
 def _compose(
     arrays: _Arrays,
     about: dict[str, Any],
-    kinds: Mapping[str, type],
     sizes: Mapping[str, tuple[int, ...]] | None = None,
 ) -> Any:
     """Return what `_describe` has described, checked against the sizes of the grid."""
-    if about["kind"] not in kinds:
-        raise ValueError(f"its kind is {about['kind']!r}, but must be one of {', '.join(kinds)}")
-    kind = kinds[about["kind"]]
+    if about["kind"] not in KINDS:
+        raise ValueError(f"its kind is {about['kind']!r}, but must be one of {', '.join(KINDS)}")
+    kind = KINDS[about["kind"]]
     given = {name: _thaw(value) for name, value in about["values"].items()}
     sizes = dict(sizes or {}) | _find_sizes(arrays, given)
     for name, part in about.get("parts", {}).items():
-        given[name] = _compose(arrays.of_part(name), part, kinds, sizes)
+        given[name] = _compose(arrays.of_part(name), part, sizes)
         sizes.setdefault("grid", getattr(given[name], "shape", ()))
     if "material" in about:
         given["material"] = _read_material(about["material"])
@@ -235,12 +287,12 @@ def _parts(result: Any) -> dict[str, Any]:
     return {k: value for k, value in own.items() if k != "material" and is_dataclass(value)}
 
 
-def list_parts(result: Any) -> dict[str, Any]:
+def _list_parts(result: Any) -> dict[str, Any]:
     """Return the parts of a result that are results."""
     return {name: part for name, part in _parts(result).items() if "centres" in vars(part)}
 
 
-def split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
+def _split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return the arrays of a result by their names, and its other values but its parts."""
     if "contact" in vars(result):
         require_whole(result)
@@ -272,23 +324,19 @@ def to_xarray(result: Any) -> Any:
         Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
     """
     xarray = import_xarray()
-    if parts := {name: to_xarray(part) for name, part in list_parts(result).items()}:
+    if parts := {name: to_xarray(part) for name, part in _list_parts(result).items()}:
         fields_of = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.items()}
         about = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.attrs.items()}
         return xarray.Dataset(fields_of, attrs=about)
-    arrays, values = split_fields(result)
-    units, grid = name_units(result), ("x", "y")[: len(result.shape)]
+    arrays, values = _split_fields(result)
+    units, fields, grid = name_units(result), fields_on_grid(result), "xy"[: len(result.shape)]
     coordinates: dict[str, Any] = {name: (name, arrays.pop(name), {"units": "mm"}) for name in grid}
-    variables: dict[str, Any] = {}
+    if any(x.ndim > len(grid) for x in fields.values()):
+        coordinates["component"] = ("component", ["x", "y"], {})
+    axes = ("component", *grid)
+    variables = {k: (axes[-x.ndim :], x, {"units": units[k]}) for k, x in fields.items()}
     attributes: dict[str, Any] = {"kind": type(result).__name__}
-    for name, x in arrays.items():
-        if x.shape[-len(grid) :] != result.contact.shape:
-            attributes[name] = x
-            continue
-        components = ("component",) * (x.ndim - len(grid))
-        variables[name] = ((*components, *grid), x, {"units": units[name]})
-        if components:
-            coordinates["component"] = ("component", ["x", "y"], {})
+    attributes |= {name: x for name, x in arrays.items() if name not in fields}
     attributes |= _keep_in_netcdf(values | _list_constants(result.material))
     attributes |= {f"{name}_units": unit for name, unit in units.items() if name in attributes}
     return xarray.Dataset(variables, coordinates, attributes)
@@ -315,6 +363,23 @@ def _keep_in_netcdf(values: Mapping[str, Any]) -> dict[str, Any]:
     return kept
 
 
+def _read_material(values: dict[str, Any]) -> CombinedMaterial:
+    """Return the combined constants, with the bodies where the file has them."""
+    bodies = values.pop("bodies", None)
+    if bodies is not None:
+        first, second = (
+            Material.rigid() if np.isinf(body["G"]) else Material.from_shear(**body)
+            for body in bodies
+        )
+        bodies = first, second
+    return CombinedMaterial(**values, bodies=bodies)
+
+
+def _thaw(value: Any) -> Any:
+    """Return a tuple for a list of JSON."""
+    return tuple(map(_thaw, value)) if isinstance(value, list) else value
+
+
 @contextmanager
 def new_file(path: str | os.PathLike[str], ending: str, *, overwrite: bool) -> Iterator[BinaryIO]:
     """Open a file that is there when it is whole, in the place of none unless that is wanted."""
@@ -335,18 +400,102 @@ def new_file(path: str | os.PathLike[str], ending: str, *, overwrite: bool) -> I
         raise there from None
 
 
-def _read_material(values: dict[str, Any]) -> CombinedMaterial:
-    """Return the combined constants, with the bodies where the file has them."""
-    bodies = values.pop("bodies", None)
-    if bodies is not None:
-        first, second = (
-            Material.rigid() if np.isinf(body["G"]) else Material.from_shear(**body)
-            for body in bodies
+def to_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write the fields as an image of VTK, which ParaView and PyVista read.
+
+    Parameters
+    ----------
+    path : str or path
+        Must end in ``.vti``.
+    overwrite : bool
+        Whether a file that is there already may be replaced.
+
+    Raises
+    ------
+    FileExistsError, OSError, ValueError
+        As `save`.
+    """
+    parts = _list_parts(result)
+    fields = {f"{k}_{name}": x for k, p in parts.items() for name, x in fields_on_grid(p).items()}
+    result = parts.get("normal", result)
+    fields = fields or fields_on_grid(result)
+    shape, axes = result.shape, len(result.shape)
+    sizes = (*result.element[:axes], *(1.0,) * (3 - axes))
+    origin = (*(x[0] - h / 2.0 for x, h in zip(result.centres, sizes, strict=False)), 0.0, 0.0)[:3]
+    place = {"Origin": " ".join(f"{x!r}" for x in map(float, origin))}
+    place |= {"Spacing": " ".join(f"{h!r}" for h in sizes)}
+    vectors = ((k, _complete(x) if x.ndim > axes else x[None]) for k, x in fields.items())
+    extent = " ".join(f"0 {n}" for n in (*shape, 0, 0)[:3])
+    root, _ = _make_vtk("ImageData", extent, place, "CellData", vectors)
+    _write_vtk(root, path, ".vti", overwrite=overwrite)
+
+
+def stresses_to_vtk(
+    stresses: Any, path: str | os.PathLike[str], *, overwrite: bool = False
+) -> None:
+    """Write the stresses as a grid of VTK, which ParaView and PyVista read, z being the depth.
+
+    Parameters
+    ----------
+    path : str or path
+        Must end in ``.vtr``.
+    overwrite : bool
+        Whether a file that is there already may be replaced.
+
+    Raises
+    ------
+    FileExistsError, OSError, ValueError
+        As `save`; also where depths are not in order.
+    """
+    if not (np.diff(stresses.depths) > 0.0).all():
+        raise ValueError(
+            f"depths are {stresses.depths}, but must increase: a grid of VTK has no other ones"
         )
-        bodies = first, second
-    return CombinedMaterial(**values, bodies=bodies)
+    x, y = (*stresses.centres, np.zeros(1))[:2]
+    shape = len(stresses.depths), len(x), len(y)
+    fields = ((name, a.reshape(shape).transpose(1, 2, 0)[None]) for name, a in stresses.fields())
+    extent = " ".join(f"0 {len(a) - 1}" for a in (x, y, stresses.depths))
+    root, piece = _make_vtk("RectilinearGrid", extent, {}, "PointData", fields)
+    coordinates = ElementTree.SubElement(piece, "Coordinates")
+    for name, values in (("x", x), ("y", y), ("depth", stresses.depths)):
+        coordinates.append(_encode_for_vtk(name, values[None]))
+    _write_vtk(root, path, ".vtr", overwrite=overwrite)
 
 
-def _thaw(value: Any) -> Any:
-    """Return a tuple for a list of JSON."""
-    return tuple(map(_thaw, value)) if isinstance(value, list) else value
+def _make_vtk(
+    kind: str, extent: str, place: dict[str, str], of: str, arrays: Arrays
+) -> tuple[ElementTree.Element, ElementTree.Element]:
+    """Return a file, and its piece, with these arrays of its points or cells."""
+    about = {"type": kind, "version": "1.0", "byte_order": "LittleEndian"}
+    root = ElementTree.Element("VTKFile", about, header_type="UInt64")
+    whole = ElementTree.SubElement(root, kind, place, WholeExtent=extent)
+    piece = ElementTree.SubElement(whole, "Piece", Extent=extent)
+    data = ElementTree.SubElement(piece, of)
+    for name, x in arrays:
+        data.append(_encode_for_vtk(name, x))
+    return root, piece
+
+
+def _write_vtk(
+    root: ElementTree.Element, path: str | os.PathLike[str], ending: str, *, overwrite: bool
+) -> None:
+    with new_file(path, ending, overwrite=overwrite) as file:
+        ElementTree.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)
+
+
+def _complete(x: Array) -> Array:
+    """Return vectors of three components."""
+    return np.concatenate([x, np.zeros((3 - len(x), *x.shape[1:]))])
+
+
+def _encode_for_vtk(name: str, x: Array) -> ElementTree.Element:
+    """Return a field as VTK has it: components first, then the first axis running first."""
+    element = ElementTree.Element("DataArray", Name=name, type=TYPES[x.dtype.kind])
+    element.set("format", "binary")
+    if len(x) > 1:
+        element.set("NumberOfComponents", str(len(x)))
+    data = np.ascontiguousarray(x.T)
+    data = data.astype(data.dtype.newbyteorder("<"), copy=False)
+    size = np.array(data.nbytes, "<u8")
+    element.text = base64.b64encode(size.tobytes() + data.tobytes()).decode()
+    return element

@@ -1,10 +1,20 @@
-"""What results of contact problems consist of: the unit and the axes of each quantity."""
+"""What results of contact problems consist of: the unit, the axes and the name of each quantity.
+
+Each field of a result declares them in its annotation. Summaries, files, datasets, VTK and pictures
+read what they need there.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from math import prod
 from typing import Any
 
 import numpy as np
+
+from toeplitz_mg._typing import Array
+
+TOGETHER, ENERGY = "displacement of both bodies", "elastic energy"  # Names of two quantities.
+VECTORS = "grid | 2, grid"  # The axes of what has a direction, along x alone or along both axes.
 
 
 @dataclass(frozen=True)
@@ -22,12 +32,19 @@ class Quantity:
         "f" of real numbers, "b" of truth values, "i" of integers, as in the `kind` of a dtype.
     beyond : str
         What it may be beside a number: "inf" where infinity is a value, "nan" where NaN is too.
+    label : str
+        Its name in summaries and pictures; by default that of the field.
+    shades : str
+        The colours of its picture, by matplotlib's name, two of what has them for stick and for
+        slip; it has no picture without.
     """
 
     unit: str
     axes: str = ""
     kind: str = "f"
     beyond: str = ""
+    label: str = ""
+    shades: str = ""
 
     def shapes(self, sizes: Mapping[str, tuple[int, ...]]) -> list[tuple[int, ...]]:
         """Return the shapes that an array may have, where axes have these sizes."""
@@ -69,3 +86,34 @@ def name_units(result: Any) -> dict[str, str]:
     named = {name: units.get(unit, unit) for name, unit in there.items() if unit}
     axes = "xy"[: len(own.get("centres", ()))]
     return named | dict.fromkeys((*axes, "centres") if axes else (), "mm")
+
+
+def fields_on_grid(result: Any) -> dict[str, Array]:
+    """Return the arrays that have a value in each element, by their names, components first."""
+    require_whole(result)
+    own, shape = vars(result), result.contact.shape
+    declared = {name for name, quantity in quantities(type(result)).items() if quantity.axes}
+    return {k: x for k, x in own.items() if k in declared and np.shape(x)[-len(shape) :] == shape}
+
+
+def is_whole(result: Any) -> bool:
+    """Whether the fields are of the whole grid: on several ranks they have the rows of one."""
+    whole: bool = result.contact.size == prod(result.shape)
+    return whole
+
+
+def require_whole(result: Any, name: str = "the result") -> None:
+    """Refuse a result that has the rows of one rank, where the whole grid is needed."""
+    if not is_whole(result):
+        raise ValueError(
+            f"{name} has the rows of one rank, {result.contact.shape} of the {result.shape} "
+            "elements, but must have all: all ranks together write a field to a file by "
+            "slab.save(path, field), and numpy.load reads it"
+        )
+
+
+def require_finite(result: Any, name: str) -> None:
+    """Refuse a result with tractions that are no numbers, as one that was made by hand may have."""
+    wrong = result.traction[~np.isfinite(result.traction)]
+    if wrong.size:
+        raise ValueError(f"{name} has the traction {wrong[0]}, but tractions must be finite")

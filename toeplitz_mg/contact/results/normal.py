@@ -5,18 +5,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import fields, plotting, saving, vtk
-from toeplitz_mg.contact.summary import (
-    ENERGY,
-    Figure,
-    Summary,
-    describe_cost,
-    describe_grid,
-    list_figures,
-    shorten,
-    tabulate_figures,
-)
-from toeplitz_mg.contact.units import Quantity, units_of
+from toeplitz_mg.contact.results import files
+from toeplitz_mg.contact.results.base import Figure, GridResult, Summary, list_figures
+from toeplitz_mg.contact.results.quantities import ENERGY, TOGETHER, Quantity, is_whole
 from toeplitz_mg.halfspace import CombinedMaterial
 
 
@@ -38,8 +29,9 @@ class OnDemand:
         vars(instance)[self._name] = value
 
 
+@files.loadable
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class NormalResult:
+class NormalResult(GridResult):
     """Two bodies that are pressed together: pressures, gap, area, force, and what they cost.
 
     Fields have the shape of the grid, (n,) or (n1, n2), and cannot be written to.
@@ -56,11 +48,11 @@ class NormalResult:
         The centres of the elements along each axis, mm (see `x` and `y`).
     pressure : ndarray
         The pressures, N/mm²; also named `traction`.
-    displacement : ndarray
-        The displacement of both bodies together along the pressure, mm.
     gap : ndarray
         The gap under load, mm: at least zero, and zero in contact, within `residual` of the
         largest interference.
+    displacement : ndarray
+        The displacement of both bodies together along the pressure, mm.
     contact : ndarray of bool
         Where the bodies touch: the pressure is positive.
     area : float
@@ -108,18 +100,18 @@ class NormalResult:
     shape: tuple[int, ...]
     element: Annotated[tuple[float, ...], Quantity("mm")]
     centres: tuple[Array, ...]
-    pressure: Annotated[Array, Quantity("N/mm²", "grid")]
-    displacement: Annotated[Array, Quantity("mm", "grid")]
-    gap: Annotated[Array, Quantity("mm", "grid", beyond="inf")]
+    pressure: Annotated[Array, Quantity("N/mm²", "grid", shades="YlOrRd")]
+    gap: Annotated[Array, Quantity("mm", "grid", beyond="inf", shades="Blues")]
+    displacement: Annotated[Array, Quantity("mm", "grid", label=TOGETHER, shades="Greens")]
     contact: Annotated[Array, Quantity("1", "grid", "b")]
-    area: Annotated[float, Quantity("area")]
+    area: Annotated[float, Quantity("area", label="contact")]
     force: Annotated[float, Quantity("force")]
     approach: Annotated[float, Quantity("mm")]
-    max_pressure: Annotated[float, Quantity("N/mm²")]
-    energy: Annotated[float, Quantity("energy")]
+    max_pressure: Annotated[float, Quantity("N/mm²", label="largest pressure")]
+    energy: Annotated[float, Quantity("energy", label=ENERGY)]
     touches_edge: bool
     periodic: tuple[bool, ...] = ()
-    plastic: Annotated[Array | None, Quantity("mm", "grid")] = None
+    plastic: Annotated[Array | None, Quantity("mm", "grid", shades="Purples")] = None
     stiffness: Annotated[OnDemand, Quantity("stiffness")] = OnDemand()
     products: int = 0
     work: float = 0.0
@@ -133,8 +125,7 @@ class NormalResult:
     sliding: ClassVar[None] = None
     bound: ClassVar[None] = None
 
-    def __post_init__(self) -> None:
-        fields.protect(self)
+    _title: ClassVar[str] = "Normal contact"
 
     @property
     def traction(self) -> Array:
@@ -156,51 +147,16 @@ class NormalResult:
         """The mean pressure in contact, N/mm²; zero where nothing touches."""
         return self.force / self.area if self.area else 0.0
 
-    def plot(self, field: str | None = None, ax: Any = None) -> Any:
-        """Draw the pressures, or another field.
-
-        Parameters
-        ----------
-        field : str, optional
-            "pressure", "gap" or "displacement", and "plastic" where a hardness was given; by
-            default the first.
-        ax : matplotlib.axes.Axes, optional
-            Where to draw, as beside other results; by default on a new figure.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        ValueError
-            Where there is no such field.
-        ImportError
-            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
-        """
-        return plotting.draw(self, field, ax)
-
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled, or copied: without what only all ranks compute, together."""
         state = dict(vars(self))
-        if callable(state["stiffness"]) and not fields.is_whole(self):
+        if callable(state["stiffness"]) and not is_whole(self):
             state["stiffness"] = None
         return state
 
-    __setstate__ = fields.restore
-    x, y, contact_fraction = fields.x, fields.y, fields.contact_fraction
-    save, to_xarray, to_vtk = saving.save, saving.to_xarray, vtk.to_vtk
-    summary, __repr__, _repr_html_ = list_figures, shorten, tabulate_figures
-
     def _summary(self) -> Summary:
-        title = f"Normal contact, {describe_grid(self.shape, self.element)}"
-        figures = self._figures()
         # On several ranks all have to ask for the stiffness.
-        stiffness = self.stiffness if fields.is_whole(self) else None
-        if stiffness is not None:
-            figures.insert(2, Figure("stiffness", stiffness, units_of(self.element)["stiffness"]))
-        cost = describe_cost(self.products, self.residual)
-        return Summary(title, figures, cost, self.warnings)
+        return super()._summary()._replace(figures=self._figures(*("stiffness",) * is_whole(self)))
 
     @property
     def _yields(self) -> str | None:
@@ -210,16 +166,10 @@ class NormalResult:
         count = int((self.plastic > 0.0).sum())
         return f"{count} element{'s' * (count != 1)}, by {self.plastic.max():.5g} mm at most"
 
-    def _figures(self) -> list[Figure]:
-        units = units_of(self.element)
-        figures = [
-            Figure("force", self.force, units["force"]),
-            Figure("approach", self.approach, "mm"),
-            Figure("contact", self.area, units["area"]),
-            Figure("share of the grid", 100.0 * self.contact_fraction, "%"),
-            Figure("mean pressure", self.mean_pressure, "N/mm²"),
-            Figure("largest pressure", self.max_pressure, "N/mm²"),
-            Figure("yields", self._yields),
-            Figure(ENERGY, self.energy, units["energy"]),
-        ]
-        return [figure for figure in figures if figure.value is not None]
+    def _figures(self, *on_demand: str) -> list[Figure]:
+        share, mean = 100.0 * self.contact_fraction, self.mean_pressure
+        return list_figures(
+            self, "force", "approach", *on_demand, "area", Figure("share of the grid", share, "%"),
+            Figure("mean pressure", mean, "N/mm²"), "max_pressure",
+            Figure("yields", self._yields), "energy",
+        )  # fmt: skip

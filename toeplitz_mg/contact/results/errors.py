@@ -1,21 +1,9 @@
-"""What contact problems have for answers, and the error where they have none."""
+"""The error of contact problems without an answer."""
 
 from typing import Any, TypeVar
 
-from toeplitz_mg._typing import Mask
-from toeplitz_mg.contact.normal.result import NormalResult
-from toeplitz_mg.contact.tangential.result import TangentialResult
-from toeplitz_mg.contact.unlike.result import FrictionalResult
-
-__all__ = [
-    "ContactError",
-    "ContactResult",
-    "FrictionalResult",
-    "NormalResult",
-    "TangentialResult",
-    "check_converged",
-    "touches_edge",
-]
+from toeplitz_mg.contact.results.normal import NormalResult
+from toeplitz_mg.contact.results.tangential import TangentialResult
 
 ContactResult = NormalResult | TangentialResult  # Of any contact problem.
 Result = TypeVar("Result", NormalResult, TangentialResult)
@@ -57,14 +45,4 @@ def check_converged(result: Result, tolerance: float, reached: str = "") -> Resu
         f"after {result.products} products {law} violated by {result.residual:.1e} of the largest "
         f"{scale}, but the tolerance is {tolerance:g}{reached}",
         result,
-    )
-
-
-def touches_edge(grid: Any, contact: Mask) -> bool:
-    """Whether elements in contact are at an edge of the grid, along an axis of more than one."""
-    return any(
-        n > 1
-        and not grid.periodic[axis]
-        and grid.vectors.count(grid.lines(contact, axis)[..., :: n - 1])
-        for axis, n in enumerate(grid.shape)
     )

@@ -9,14 +9,10 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.fields import require_whole
-from toeplitz_mg.contact.units import name_units
+from toeplitz_mg.contact.results.quantities import name_units, quantities, require_whole
 
-FIELDS = {False: ("pressure", "gap", "displacement"), True: ("traction", "slip", "displacement")}
 # Blue and orange are told apart by all who see colours in whatever way.
 STICK, SLIP = "#3182BD", "#E6550D"
-SHADES = {"pressure": "YlOrRd", "gap": "Blues", "slip": "Oranges", "displacement": "Greens"}
-SHADES |= {"plastic": "Purples"}
 LIGHTEST = 0.15  # Part of a map of colours that is too near to white to be seen beside it.
 PEAK = 1.25  # Largest value over nearly the largest, above which a few elements decide the colours.
 NEARLY = 0.995  # Share of the elements that are below what is nearly the largest value.
@@ -31,9 +27,8 @@ def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
     require_whole(result)
     if field is not None and not isinstance(field, str):
         field, ax = None, field  # The axes alone were given.
-    names: tuple[str, ...] = FIELDS[result.stick is not None]
-    if result.stick is None and result.plastic is not None:
-        names = (*names, "plastic")
+    declared = quantities(type(result))
+    names = [k for k, q in declared.items() if q.shades and getattr(result, k) is not None]
     field = field or names[0]
     if field not in names:
         raise ValueError(f"field is {field!r}, but must be one of {', '.join(names)}")
@@ -122,15 +117,15 @@ def _draw_surface(result: Any, field: str, ax: Any) -> None:
     shown = shown & np.isfinite(size)  # The gap is infinite where there is no material.
     top = _top(size[shown])
     label = _label(result, field)
-    if field == "traction":
-        bars = (("Blues", SPACE, None), ("Oranges", SPACE + 1.2 * BAR, label))
-        for (name, area, shade), (shades, place, text) in zip(_areas(result), bars, strict=True):
-            image = _show(result, ax, size, area, shades, top)
-            _add_bar(ax, image, place, text)
+    shades = quantities(type(result))[field].shades.split()
+    if len(shades) > 1:
+        bars = ((SPACE, None), (SPACE + 1.2 * BAR, label))
+        for (name, area, shade), colours, bar in zip(_areas(result), shades, bars, strict=True):
+            _add_bar(ax, _show(result, ax, size, area, colours, top), *bar)
             ax.plot([], [], "s", color=shade, label=name)
         ax.legend(loc="upper right", fontsize="x-small", handlelength=1.0, borderpad=0.3)
     else:
-        image = _show(result, ax, size, shown, SHADES[field], top)
+        image = _show(result, ax, size, shown, shades[0], top)
         _add_bar(ax, image, SPACE, label)
     if values.ndim > 2:
         _show_arrows(result, ax, values)
@@ -144,10 +139,8 @@ def _areas(result: Any) -> tuple[tuple[str, Array, str], tuple[str, Array, str]]
 
 def _label(result: Any, field: str) -> str:
     """Return the name of a field with its unit."""
-    unit = name_units(result)[field]
-    if field == "displacement":
-        field = "displacement of both bodies"
-    return f"{field} over distance rolled" if unit == "1" else f"{field} [{unit}]"
+    unit, name = name_units(result)[field], quantities(type(result))[field].label or field
+    return f"{name} over distance rolled" if unit == "1" else f"{name} [{unit}]"
 
 
 def _top(values: Array) -> float:

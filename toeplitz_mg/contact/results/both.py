@@ -5,29 +5,26 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact import fields, plotting, saving, vtk
-from toeplitz_mg.contact.normal.result import NormalResult
-from toeplitz_mg.contact.summary import ENERGY, Figure, Summary
-from toeplitz_mg.contact.tangential.result import TangentialResult
-from toeplitz_mg.contact.units import Quantity, units_of
+from toeplitz_mg.contact.results import files, pictures
+from toeplitz_mg.contact.results.base import Figure, Protected, Result, Summary
+from toeplitz_mg.contact.results.normal import NormalResult
+from toeplitz_mg.contact.results.quantities import ENERGY, Quantity, name_units
+from toeplitz_mg.contact.results.tangential import TangentialResult
 
 
+@files.loadable
 @dataclass(frozen=True, eq=False)
-class Before:
+class Before(Protected):
     """Tractions before a step, with the force and the approach that pressed."""
 
     traction: Annotated[Array, Quantity("N/mm²", "1, grid | 2, grid")]
     force: Annotated[float, Quantity("force")]
     approach: Annotated[float, Quantity("mm")]
 
-    def __post_init__(self) -> None:
-        fields.protect(self)
 
-    __setstate__ = fields.restore
-
-
+@files.loadable
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionalResult:
+class FrictionalResult(Result):
     """Bodies that are pressed together with friction: what holds across, and what along.
 
     Attributes
@@ -80,7 +77,7 @@ class FrictionalResult:
         """Why the answer may not be of the problem that was meant."""
         return self.normal.warnings + self.tangential.warnings
 
-    save, to_xarray, to_vtk = saving.save, saving.to_xarray, vtk.to_vtk
+    to_xarray, to_vtk = files.to_xarray, files.to_vtk
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the pressures, and beside them where the bodies stick and where they slip.
@@ -101,24 +98,17 @@ class FrictionalResult:
         ImportError
             Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
-        left, right = plotting.find_axes(ax, 2)
+        left, right = pictures.find_axes(ax, 2)
         return self.normal.plot(ax=left), self.tangential.plot(ax=right)
-
-    def summary(self) -> str:
-        """Return the figures of both results with their units, a line each."""
-        return "\n\n".join(summary.write() for summary in self._summaries())
 
     def __repr__(self) -> str:
         """Return the first figures of both results."""
         return f"<FrictionalResult: {self.normal!r}, {self.tangential!r}>"
-
-    def _repr_html_(self) -> str:
-        return "".join(summary.tabulate() for summary in self._summaries())
 
     def _summaries(self) -> Iterator[Summary]:
         """Yield those of both parts, and of what they have together only."""
         for part in (self.normal, self.tangential):
             summary = part._summary()
             yield summary._replace(figures=[x for x in summary.figures if x.name != ENERGY])
-        energy = Figure(ENERGY, self.energy, units_of(self.normal.element)["energy"])
+        energy = Figure(ENERGY, self.energy, name_units(self.normal)["energy"])
         yield Summary("Both together", [energy])

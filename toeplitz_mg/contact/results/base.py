@@ -1,0 +1,202 @@
+"""What all results are: arrays that cannot be written to, and figures with their units in words."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.contact.results import files, pictures
+from toeplitz_mg.contact.results.quantities import name_units, quantities
+
+NOTHING = 1e-8  # Size of a component over the largest that is shown as zero: the usual tolerance.
+FEW = 3  # Figures in the repr of a result, which is one line.
+
+
+class Figure(NamedTuple):
+    """A number, or some, with a name and a unit."""
+
+    name: str
+    value: Any
+    unit: str = ""
+
+    @property
+    def text(self) -> str:
+        """The value and its unit."""
+        if isinstance(self.value, str):
+            return self.value
+        values = np.atleast_1d(self.value)
+        sizes = np.abs(values)
+        least = NOTHING * float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
+        numbers = ", ".join(f"{0.0 if abs(x) <= least else x:.5g}" for x in values)
+        return f"{numbers if len(values) == 1 else f'({numbers})'} {self.unit}".rstrip()
+
+
+class Summary(NamedTuple):
+    """What a result is in words: a title, its figures, what they cost, and doubts about them."""
+
+    title: str
+    figures: Sequence[Figure]
+    cost: str = ""
+    warnings: Sequence[str] = ()
+
+    @property
+    def rows(self) -> list[tuple[str, str]]:
+        """What stands below the title: names and what belongs to them."""
+        rows = [(figure.name, figure.text) for figure in self.figures]
+        rows += [("solved by", self.cost)] * bool(self.cost)
+        return rows + [("warning", warning) for warning in self.warnings]
+
+    def write(self) -> str:
+        """Return a line for each row, below the title."""
+        lines = (
+            f"  {name}: {text}" if name == "warning" else f"  {name:18s}{text}"
+            for name, text in self.rows
+        )
+        return "\n".join((self.title, *lines))
+
+    def tabulate(self) -> str:
+        """Return the same as a table of HTML."""
+        cells = "".join(
+            f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in self.rows
+        )
+        return f"<table><caption>{escape(self.title)}</caption>{cells}</table>"
+
+
+def list_figures(result: Any, *names: str | Figure) -> list[Figure]:
+    """Return the figures of a result that it has: fields by their names, and others as they are."""
+    units, declared = name_units(result), quantities(type(result))
+    figures = [
+        Figure(declared[name].label or name, getattr(result, name), units.get(name, ""))
+        if isinstance(name, str)
+        else name
+        for name in names
+    ]
+    return [figure for figure in figures if figure.value is not None]
+
+
+def span(figure: Figure) -> Figure:
+    """Return what the first and the last value of a figure are."""
+    name, values, unit = figure
+    first, last = (Figure(name, value).text for value in (values[0], values[-1]))
+    return Figure(name, f"{first} to {last} {unit}".rstrip())
+
+
+def describe_cost(products: int, residual: float | None = None) -> str:
+    """Return what a solution cost, and how exact it is, in words."""
+    violation = "" if residual is None else f", violation {residual:.1e}"
+    return f"{products} product{'s' * (products != 1)}{violation}"
+
+
+def touches_edge(grid: Any, contact: Mask) -> bool:
+    """Whether elements in contact are at an edge of the grid, along an axis of more than one."""
+    return any(
+        n > 1
+        and not grid.periodic[axis]
+        and grid.vectors.count(grid.lines(contact, axis)[..., :: n - 1])
+        for axis, n in enumerate(grid.shape)
+    )
+
+
+class Described:
+    """What has a `_summary`: it is written a line for each figure, and in notebooks as a table."""
+
+    def _summaries(self: Any) -> Iterable[Summary]:
+        return (self._summary(),)
+
+    def summary(self) -> str:
+        """Return the figures with their units, a line each."""
+        return "\n\n".join(summary.write() for summary in self._summaries())
+
+    def _repr_html_(self) -> str:
+        return "".join(summary.tabulate() for summary in self._summaries())
+
+
+class Protected:
+    """A dataclass whose arrays cannot be written to, neither those of its copies."""
+
+    def __post_init__(self) -> None:
+        """Put views that cannot be written to in the place of the arrays."""
+        own = vars(self)  # What is computed on demand is not asked for here.
+        for name, value in own.items():
+            own[name] = tuple(map(_protect, value)) if type(value) is tuple else _protect(value)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Read what was pickled, or copied: arrays can be written to then, until protected."""
+        vars(self).update(state)
+        Protected.__post_init__(self)
+
+
+class Result(Described, Protected):
+    """What can be saved, and has figures."""
+
+    save = files.save
+
+
+class GridResult(Result):
+    """A result with fields on a grid, a `_title` and `_figures`."""
+
+    @property
+    def x(self: Any) -> Array:
+        """The centres of the elements along the first axis, mm."""
+        centres: Array = self.centres[0]
+        return centres
+
+    @property
+    def y(self: Any) -> Array | None:
+        """The centres of the elements along the second axis, mm; None in line contact."""
+        return self.centres[1] if len(self.centres) > 1 else None
+
+    @property
+    def contact_fraction(self: Any) -> float:
+        """The area of contact over that of the grid."""
+        share: float = self.area / (prod(self.shape) * prod(self.element))
+        return share
+
+    to_xarray, to_vtk = files.to_xarray, files.to_vtk
+
+    def plot(self, field: str | None = None, ax: Any = None) -> Any:
+        """Draw the pressures, or the tractions where the bodies stick and slip, or another field.
+
+        Parameters
+        ----------
+        field : str, optional
+            "pressure", "gap" or "displacement", and "plastic" where a hardness was given; of
+            friction and rolling "traction", "slip" or "displacement"; by default the first.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw, as beside other results; by default on a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ValueError
+            Where there is no such field.
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        """
+        return pictures.draw(self, field, ax)
+
+    def __repr__(self: Any) -> str:
+        """Return the first figures in one line."""
+        few = ", ".join(f"{figure.name} {figure.text}" for figure in self._figures()[:FEW])
+        grid = " x ".join(map(str, self.shape))
+        return f"<{type(self).__name__} {grid}: {few}; {describe_cost(self.products)}>"
+
+    def _summary(self: Any) -> Summary:
+        count, size = (" x ".join(f"{x:.5g}" for x in n) for n in (self.shape, self.element))
+        title = f"{self._title}, {count} elements of {size} mm"
+        cost = describe_cost(self.products, self.residual)
+        return Summary(title, self._figures(), cost, self.warnings)
+
+
+def _protect(x: Any) -> Any:
+    """Return a view of an array that cannot be written to, or what is no array as it is."""
+    if isinstance(x, np.ndarray):
+        x = x.view()
+        x.flags.writeable = False
+    return x
