@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 from tests.test_result import (
     ALL,
+    BOTH,
     PRESSED,
     PRESSED_LINE,
     ROLLED,
@@ -17,13 +18,7 @@ from tests.test_result import (
     SHIFTED,
     SHIFTED_LINE,
 )
-from toeplitz_mg.contact import (
-    FrictionalResult,
-    friction,
-    normal_contact,
-    subsurface_stresses,
-    surfaces,
-)
+from toeplitz_mg.contact import friction, normal_contact, subsurface_stresses, surfaces
 
 figure_module = pytest.importorskip("matplotlib.figure")
 
@@ -90,19 +85,19 @@ def test_what_is_zero_is_white_and_low_values_are_light():
     assert brightness[0] < 0.95  # White is for what does not touch.
 
 
-@pytest.mark.parametrize("result", [SHIFTED, ROLLED])
-def test_slip_is_white_where_the_bodies_stick(result):
-    (image,) = draw(result, "slip").get_images()
-    assert np.array_equal(~np.ma.getmaskarray(image.get_array().T), result.sliding)
-
-
 @pytest.mark.parametrize("missing", [0, 5])
-def test_the_gap_is_white_where_there_is_none_and_where_there_is_no_material(missing):
+def test_the_gap_is_white_where_there_is_none_and_slip_where_the_bodies_stick(missing):
+    """The gap also where there is no material."""
     gap = PRESSED.gap.copy()
     gap[:missing] = np.inf
-    (image,) = draw(replace(PRESSED, gap=gap), "gap").get_images()
-    assert np.array_equal(np.ma.getmaskarray(image.get_array().T), PRESSED.contact | np.isinf(gap))
-    assert np.isfinite(image.norm.vmax)
+    for result, field, white in (
+        (replace(PRESSED, gap=gap), "gap", PRESSED.contact | np.isinf(gap)),
+        (SHIFTED, "slip", ~SHIFTED.sliding),
+        (ROLLED, "slip", ~ROLLED.sliding),
+    ):
+        (image,) = draw(result, field).get_images()
+        assert np.array_equal(np.ma.getmaskarray(image.get_array().T), white)
+        assert np.isfinite(image.norm.vmax)
 
 
 @pytest.mark.parametrize("result", [SHIFTED, ROLLED])
@@ -163,7 +158,7 @@ def test_rolling_shows_the_direction_of_travel(result):
 def test_bars_of_colours_are_as_high_as_the_axes(result):
     axes = axes_of(2)
     for ax in axes:  # Several results on one figure.
-        result.plot(ax=ax)
+        assert result.plot(ax) is ax
     axes[0].figure.draw_without_rendering()
     for ax in axes:
         box = ax.get_window_extent()
@@ -218,10 +213,9 @@ def test_nothing_in_contact_is_drawn_too():
 
 
 def test_contact_with_friction_is_the_pictures_of_both_beside_each_other():
-    both = FrictionalResult(normal=PRESSED, tangential=SHIFTED, residuals=(0.0,))
     axes = axes_of(2)
-    assert both.plot(axes) == tuple(axes)
-    for ax, part in zip(axes, (PRESSED, SHIFTED), strict=True):
+    assert BOTH.plot(axes) == tuple(axes)
+    for ax, part in zip(axes, (BOTH.normal, BOTH.tangential), strict=True):
         expected = draw(part)
         assert labels(ax) == labels(expected)
         for image, other in zip(ax.get_images(), expected.get_images(), strict=True):
@@ -255,11 +249,6 @@ def test_stresses_are_drawn_over_depths_in_order():
     stresses = subsurface_stresses(PRESSED_LINE, depths=DEPTHS)
     with pytest.raises(ValueError, match="field is 'zx', but must be one of von_mises, max_shear"):
         stresses.plot("zx")
-
-
-def test_axes_may_come_first():
-    (ax,) = axes_of()
-    assert PRESSED.plot(ax) is ax
 
 
 @pytest.mark.filterwarnings("ignore:.*non-interactive")

@@ -113,17 +113,6 @@ def test_plane_strain_is_a_long_element(direction):
     assert not line[none].any()
 
 
-def test_antiplane_shear_is_the_integral_of_line_loads():
-    # A line load along y of unit strength: the stress -1/(pi r), on every half circle around it.
-    s, w = leggauss(60)
-    for x, z in [(0.0, 0.4), (0.65, 0.5), (-1.5, 0.3), (9.0, 3.0)]:
-        apart = x - 0.65 * s
-        force = 0.65 * w / (np.pi * (apart**2 + z**2))
-        stress = halfspace.line_stresses_y(x, z, 1.3, nu=0.3)
-        assert_allclose(stress[3], -(force * z).sum(), rtol=1e-12)
-        assert_allclose(stress[5], -(force * apart).sum(), rtol=1e-12, atol=1e-14)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -123,15 +123,6 @@ def test_the_stresses_below_strips_are_the_sum_of_those_of_all_strips():
         assert_allclose(stresses.components[:, k], expected, atol=1e-13)
 
 
-def test_at_the_surface_the_stresses_are_the_tractions():
-    pressed = sphere(32)
-    shifted = friction(pressed, mu=0.3, force=(0.03, 0.02))
-    stresses = subsurface_stresses(pressed, shifted, depths=0.0)
-    assert_allclose(stresses.zz[0], -pressed.pressure, atol=1e-13)
-    assert_allclose(stresses.xz[0], -shifted.traction[0], atol=1e-13)
-    assert_allclose(stresses.yz[0], -shifted.traction[1], atol=1e-13)
-
-
 def test_each_body_has_its_own_ratio_and_its_own_side_of_the_tractions():
     pressed = sphere(12, material=(SOFT, HARD))
     shifted = friction(pressed, mu=0.3, shift=(1e-3, 0.0))
