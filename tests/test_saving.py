@@ -79,16 +79,6 @@ def test_frictional_contact_goes_on_from_a_file(surface, state, tmp_path):
     assert_same(*(press_unlike(surface, 0.12, x) for x in (state, again)))
 
 
-def test_frictional_contact_as_a_dataset():
-    pytest.importorskip("xarray")
-    data = BOTH.to_xarray()
-    assert data["normal_pressure"].dims == ("x", "y")
-    assert data["tangential_traction"].dims == ("component", "x", "y")
-    assert np.array_equal(data["tangential_slip"], BOTH.tangential.slip)
-    assert data["normal_gap"].attrs["units"] == "mm"
-    assert data.attrs["normal_force"] == BOTH.normal.force
-
-
 each_format = pytest.mark.parametrize(("write", "ending"), [("save", "npz"), ("to_vtk", "vti")])
 
 
@@ -231,55 +221,63 @@ def test_a_file_of_vtk_has_the_fields_of_the_cells(tmp_path):
     assert {*found} == FIELDS
 
 
-def test_a_line_is_an_image_of_vtk_too(tmp_path):
+def test_lines_and_both_results_of_contact_with_friction_are_images_of_vtk_too(tmp_path):
     ROLLED_LINE.to_vtk(tmp_path / "x.vti")
     image, found = read_vtk(tmp_path / "x.vti")
     assert image.get("WholeExtent") == "0 64 0 0 0 0"
     assert np.array_equal(found["traction"], ROLLED_LINE.traction)
     assert {*found} == FIELDS
+    BOTH.to_vtk(tmp_path / "x.vti", overwrite=True)
+    names = {f"tangential_{name}" for name in FIELDS}
+    names |= {f"normal_{name}" for name in ("pressure", "gap", "displacement", "contact")}
+    assert {*read_vtk(tmp_path / "x.vti")[1]} == names
 
 
-def test_both_results_of_contact_with_friction_are_in_one_image_of_vtk(tmp_path):
-    BOTH.to_vtk(tmp_path / "x.vti")
-    _, found = read_vtk(tmp_path / "x.vti")
-    of_both = {"pressure", "gap", "displacement", "contact"}, FIELDS
-    names = zip(("normal", "tangential"), of_both, strict=True)
-    assert {*found} == {f"{part}_{name}" for part, own in names for name in own}
-
-
-def read_by_vtk(result, path, reader):
-    """Return what VTK itself reads of a file."""
-    reader = getattr(pytest.importorskip("vtk"), reader)()
-    result.to_vtk(path)
-    reader.SetFileName(str(path))
-    reader.Update()
-    return reader.GetOutput()
-
-
-@pytest.mark.parametrize("result", [*ALL, WITH_ALL])
+@pytest.mark.parametrize("result", [*ALL, WITH_ALL, STRESSES, BELOW_A_LINE])
 def test_vtk_reads_it(result, tmp_path):
-    image = read_by_vtk(result, tmp_path / "x.vti", "vtkXMLImageDataReader")
-    assert image.GetNumberOfCells() == result.contact.size
+    kind, ending = ("RectilinearGrid", "vtr") if hasattr(result, "depths") else ("ImageData", "vti")
+    reader = getattr(pytest.importorskip("vtk"), f"vtkXML{kind}Reader")()
+    result.to_vtk(tmp_path / f"x.{ending}")
+    reader.SetFileName(str(tmp_path / f"x.{ending}"))
+    reader.Update()
+    read = reader.GetOutput()
+    if ending == "vtr":
+        assert read.GetPointData().GetArray("xz").GetNumberOfTuples() == result.xx.size
+        assert read.GetBounds()[4:] == (result.depths[0], result.depths[-1])
+        return
+    assert read.GetNumberOfCells() == result.contact.size
     name = "pressure" if result.stick is None else "traction"
     cell = int(np.argmax(result.magnitude.T))
-    size = np.linalg.norm(image.GetCellData().GetArray(name).GetTuple(cell))
+    size = np.linalg.norm(read.GetCellData().GetArray(name).GetTuple(cell))
     assert_allclose(size, result.magnitude.max(), rtol=1e-14)
 
 
-def test_xarray_has_coordinates_and_units():
+@pytest.mark.parametrize("result", [SHIFTED, ROLLED_LINE, WITH_ALL, BOTH, STRESSES, BELOW_A_LINE])
+def test_a_dataset_has_the_fields_with_coordinates_and_units(result):
+    pytest.importorskip("xarray")
+    data, units = result.to_xarray(), {"slip": "1" if result is ROLLED_LINE else "mm"}
+    units |= dict.fromkeys(("gap", "displacement", "plastic"), "mm")
+    units |= dict.fromkeys(("contact", "stick"), "1")
+    parts = {"normal": result.normal, "tangential": result.tangential} if result is BOTH else {}
+    for name, x in data.items():
+        part, _, own = name.partition("_") if parts else ("", "", name)
+        assert np.array_equal(x, getattr(parts.get(part, result), own))
+        assert x.attrs["units"] == units.get(own, "N/mm²")
+        grid = tuple(axis for axis in ("depth", "x", "y") if axis in data.coords)
+        assert x.dims in (grid, ("component", *grid))
+    assert all(x.attrs["units"] == "mm" for k, x in data.coords.items() if k != "component")
+    assert np.array_equal(data.x, (result if result is not BOTH else BOTH.normal).centres[0])
+
+
+def test_what_is_no_field_is_an_attribute_of_a_dataset():
     pytest.importorskip("xarray")
     data = SHIFTED.to_xarray()
-    assert data.traction.dims == ("component", "x", "y")
-    assert data.stick.dims == ("x", "y")
-    assert data.traction.attrs["units"] == "N/mm²"
-    assert data.x.attrs["units"] == "mm"
     assert np.array_equal(data.traction.sel(component="y"), SHIFTED.traction[1])
-    assert np.array_equal(data.y, SHIFTED.y)
     assert data.attrs["area"] == SHIFTED.area
     assert data.attrs["area_units"] == "mm²"
     assert np.array_equal(data.attrs["shift"], SHIFTED.shift)
+    assert BOTH.to_xarray().attrs["normal_force"] == BOTH.normal.force
     assert WITH_ALL.to_xarray().attrs["warnings"] == "ä < b\nc"
-    assert ROLLED_LINE.to_xarray().traction.dims == ("x",)
 
 
 @pytest.mark.parametrize("result", [*ALL, WITH_ALL, PRESSED_UNLIKE])
@@ -330,24 +328,6 @@ def test_stresses_as_a_grid_of_vtk(stresses, tmp_path):
     assert np.array_equal(von_mises, expected.transpose(0, 2, 1))
     with pytest.raises(ValueError, match=r"must end in \.vtr"):
         stresses.to_vtk(tmp_path / "x.vti")
-
-
-@pytest.mark.parametrize("stresses", [STRESSES, BELOW_A_LINE])
-def test_vtk_reads_stresses(stresses, tmp_path):
-    grid = read_by_vtk(stresses, tmp_path / "x.vtr", "vtkXMLRectilinearGridReader")
-    assert grid.GetNumberOfPoints() == stresses.xx.size
-    assert grid.GetPointData().GetArray("xz").GetNumberOfTuples() == stresses.xx.size
-    assert grid.GetBounds()[4:] == (stresses.depths[0], stresses.depths[-1])
-
-
-def test_stresses_as_a_dataset():
-    pytest.importorskip("xarray")
-    data = STRESSES.to_xarray()
-    assert data["xz"].dims == ("depth", "x", "y")
-    assert np.array_equal(data["max_shear"], STRESSES.max_shear)
-    assert data["depth"].attrs["units"] == "mm"
-    assert data["zz"].attrs["units"] == "N/mm²"
-    assert BELOW_A_LINE.to_xarray()["xx"].dims == ("depth", "x")
 
 
 class Trap:
