@@ -1,4 +1,4 @@
-"""Stresses below a loaded rectangle: they are integrals of point loads, and in equilibrium."""
+"""Stresses below a loaded rectangle: they are integrals of point loads, so in equilibrium."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,7 @@ H = (1.3, 0.7)
 LOADS = {d: getattr(halfspace, f"stresses_{d}") for d in "xyz"}
 LINES = {d: getattr(halfspace, f"line_stresses_{d}") for d in "xyz"}
 each_load = pytest.mark.parametrize("direction", LOADS)
-# The components xx, yy, zz, yz, xz, xy as a matrix.
-VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+NEAR = np.random.default_rng(1).uniform([-1, -1, 0.3], [1, 1, 1.5], (20, 3))
 
 
 def boussinesq(x, y, z, nu):
@@ -55,25 +54,10 @@ def test_an_element_is_the_integral_of_point_loads(direction, nu):
     s, w = leggauss(60)
     along, across = np.meshgrid(s * H[0] / 2, s * H[1] / 2, indexing="ij")
     weight = np.outer(w, w) * H[0] * H[1] / 4
-    for x, y, z in [(0.0, 0.01, 0.4), (0.65, 0.35, 0.5), (-1.5, 0.2, 0.3), (0.3, -9.0, 30.0)]:
+    for x, y, z in [(0.0, 0.01, 0.4), (0.65, 0.35, 0.5), (0.3, -9.0, 30.0), *NEAR]:
         of_points = point_load(direction, x - along, y - across, z, nu)
         expected = (of_points * weight).sum(axis=(1, 2))
         assert_allclose(LOADS[direction](x, y, z, H, nu=nu), expected, rtol=0, atol=1e-13)
-
-
-@each_load
-def test_the_forces_on_every_volume_balance(direction):
-    # Differences of the sixth order: div σ = 0.
-    rng, step, nu = np.random.default_rng(1), 1e-2, 0.3
-    weights = {1: 45 / 60, 2: -9 / 60, 3: 1 / 60}
-    for point in rng.uniform([-1, -1, 0.3], [1, 1, 1.5], (20, 3)):
-        force = np.zeros(3)
-        for axis, e in enumerate(np.eye(3)):
-            for k, weight in weights.items():
-                for sign in (-1, 1):
-                    stress = LOADS[direction](*(point + sign * k * step * e), H, nu=nu)
-                    force += sign * weight * stress[VOIGT][axis] / step
-        assert_allclose(force, 0.0, atol=1e-8)
 
 
 @each_load
