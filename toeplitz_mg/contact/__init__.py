@@ -20,8 +20,7 @@ from toeplitz_mg.contact.tangential.rolling import rolling
 from toeplitz_mg.contact.tangential.steady import SteadyOptions
 from toeplitz_mg.contact.tangential.steps import rolling_steps
 from toeplitz_mg.contact.theory import HertzContact, hertz
-from toeplitz_mg.contact.unlike.pressing import frictional_contact
-from toeplitz_mg.contact.unlike.rolling import frictional_rolling
+from toeplitz_mg.contact.unlike.frictional import frictional_contact, frictional_rolling
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.paper import problems
 

@@ -8,28 +8,353 @@ of the last one only, as where others were in contact it would press on an open 
 """
 
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
-from toeplitz_mg.contact.products import Report
+from toeplitz_mg.contact.active_sets import Iterate
+from toeplitz_mg.contact.checks import SLIDES, measure_from_contact
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.normal import problem as normal
+from toeplitz_mg.contact.normal import solving
+from toeplitz_mg.contact.normal.active_set import Search
+from toeplitz_mg.contact.products import Products, Report
+from toeplitz_mg.contact.results import NormalResult, TangentialResult
+from toeplitz_mg.contact.tangential import friction, shifted
+from toeplitz_mg.contact.tangential.given_loads import Loads
+from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
+from toeplitz_mg.contact.tangential.shifting import slide_off
+from toeplitz_mg.contact.window import MARGIN, Window
+from toeplitz_mg.operators import apply_to_rows
 
 
-class Normal(Protocol):
-    """The normal problem, for a gap that tractions change."""
+@dataclass(frozen=True)
+class Coupling:
+    """The displacements along the surface by pressures, and across it by tractions.
 
-    def look(self, q: Array, p: Array) -> float:
-        """Return how far the pressures p violate the conditions of contact with tractions q."""
+    Attributes
+    ----------
+    matrices : tuple of ToeplitzOperator or None
+        Those of the displacements along x, and y, by the pressures.
+    """
+
+    matrices: tuple[Any, ...]
+
+    @property
+    def is_there(self) -> bool:
+        """Whether pressures displace the bodies along the surface."""
+        return any(A is not None for A in self.matrices)
+
+    def along(self, p: Array) -> Array:
+        """Return the displacements along the surface by pressures, of shape (components, ...)."""
+        return np.stack(
+            [
+                np.zeros(p.shape) if A is None else apply_to_rows(A, p.ravel()).reshape(p.shape)
+                for A in self.matrices
+            ]
+        )
+
+    def across(self, q: Array) -> Array:
+        """Return the normal displacements by tractions: by reciprocity, the transpose."""
+        u = np.zeros(q.shape[1:])
+        for A, traction in zip(self.matrices, q, strict=True):
+            if A is not None:  # What is odd has minus itself for its transpose.
+                u -= apply_to_rows(A, traction.ravel()).reshape(u.shape)
+        return u
+
+
+def bound_of(mu: Array, p: Array) -> Array:
+    """Return the traction bound of pressures: none where there are none, for any coefficient."""
+    return np.multiply(mu, p, out=np.zeros_like(p), where=p > 0.0)
+
+
+@dataclass
+class Pressing:
+    """Bodies that are pressed together while tractions change the gap.
+
+    Attributes
+    ----------
+    grid : Grid
+    z : ndarray
+        The gap before the bodies touch; then less the `distance` at which they do.
+    coupling : Coupling
+    approach, force : float or None
+        One of the two; the approach then less `distance` too.
+    tolerance : float
+    max_products : int
+        The limit of products in each solution.
+    report : Report
+        What is told of them.
+    products : int
+        Products so far.
+    iterations : list of int
+        Those of conjugate gradients.
+    """
+
+    grid: Grid
+    z: Array
+    coupling: Coupling
+    approach: float | None
+    force: float | None
+    tolerance: float
+    max_products: int
+    report: Report
+    products: int = 0
+    iterations: list[int] = field(default_factory=list)
+    distance: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Measure the gap, and the approach, from where the bodies touch."""
+        self.z, self.distance, self.approach = measure_from_contact(
+            self.z, self.approach, self.grid.vectors
+        )
+
+    def begin(self, q: Array | None, *, nested: bool) -> Array:
+        """Return the pressures with tractions q, or none."""
+        z = self.z if q is None else self.z + self.coupling.across(q)
+        return self._run(z, None, nested=nested)
 
     def solve(self, q: Array, p: Array) -> Array:
         """Return the pressures with tractions q, from those near by."""
+        return self._run(self.z + self.coupling.across(q), p, nested=False)
+
+    def look(self, q: Array, p: Array) -> float:
+        """Return how far the pressures p violate the conditions of contact with tractions q."""
+        return self._state(q, p).residual
 
     def balance(self, p: Array) -> Array:
         """Return pressures of the given sum, if one is given."""
+        if self.force is None or not p.any():
+            return p
+        scaled: Array = p * (self.force / self.grid.area / p.sum())
+        return scaled
+
+    def result(self, q: Array, p: Array) -> NormalResult:
+        """Return what was found; tractions that change with the approach leave no stiffness.
+
+        The work is that of both problems together, which is not known here.
+        """
+        state = self._state(q, p)._replace(iterations=tuple(self.iterations))
+        result = normal.make_result(self.grid, self.z, state, self.products, 0.0, self.distance)
+        return replace(result, stiffness=None) if self.coupling.is_there else result
+
+    def _search(self, z: Array) -> Search:
+        search = Search(self.grid, z, self.approach, self.force, self.tolerance, self.report)
+        if np.isinf(z).any():
+            search = replace(search, z=search.put_out_of_reach())
+        return search
+
+    def _run(self, z: Array, guess: Array | None, *, nested: bool) -> Array:
+        if self._is_apart(z):
+            return np.zeros(z.shape)
+        search = self._search(z)
+        products = Products(search.matrix, self.max_products)
+        guess = None if guess is None or not guess.any() else guess * search.unit
+        state = solving.solve(search, products, nested=nested, guess=guess)
+        self._add(products.count)
+        self.iterations += state.iterations
+        p: Array = state.p / search.unit
+        return p
+
+    def _add(self, products: int) -> None:
+        self.products += products
+        self.report.add(products, self.max_products)
+
+    def _is_apart(self, z: Array) -> bool:
+        """Return whether nothing is pressed where the gap is z."""
+        if self.approach is None:
+            return self.force == 0.0
+        return not (z < self.approach).any()
+
+    def _state(self, q: Array, p: Array) -> solving.State:
+        """Return the pressures p with all normal displacements, those by tractions q too."""
+        if self.force == 0.0:
+            return solving.State(p, np.zeros(p.shape), 0.0)
+        across = self.coupling.across(q)
+        search = self._search(self.z + across)
+        x = p * search.unit
+        u = apply_to_rows(search.matrix, x.ravel()).reshape(x.shape)
+        self._add(1)
+        law = search.look(Iterate(x, u, p > 0.0))
+        return solving.State(p, u + across, law.touching, law.residual)
+
+
+class Found(NamedTuple):
+    """What solves the tangential problem of some pressures, in a window."""
+
+    problem: Problem
+    state: State
+    window: Window
+    slip: Array | None  # None where it is that of the displacements.
+
+
+@dataclass
+class Shifting:
+    """Bodies that are shifted while pressures bound the tractions, and displace along the surface.
+
+    Attributes
+    ----------
+    grid : Grid
+    coupling : Coupling
+    mu : ndarray
+        The coefficient of friction, of all elements or of each.
+    b : ndarray of shape (components, ...)
+        The displacements along the surface, were there neither slip nor pressures.
+    total : ndarray of shape (components,) or None
+        The sum of the tractions, where that is given.
+    least : float
+        A displacement below which none counts as the largest.
+    tolerance : float
+    max_products : int
+    nested : bool
+    report : Report
+    q : ndarray or None
+        The tractions, on the whole grid: the last, or a first guess.
+    slide : ndarray of bool, or None
+        Where the bodies slid last.
+    products : int
+        Products so far.
+    window, matrix : Window and LinearOperator, or None
+        The elements around the last contact, and the matrix among them.
+    found : Found or None
+        What was found last.
+    """
+
+    grid: Grid
+    coupling: Coupling
+    mu: Array
+    b: Array
+    total: Array | None
+    least: float
+    tolerance: float
+    max_products: int
+    nested: bool
+    report: Report
+    q: Array | None
+    slide: Array | None = None
+    products: int = 0
+    window: Window | None = None
+    matrix: Any = None
+    found: Found | None = None
+
+    def __call__(self, p: Array) -> Array:
+        """Return the tractions for pressures p."""
+        g = drop_rounding(bound_of(self.mu, p), self.grid.vectors)
+        window = self._fit(g > 0.0)
+        b = self.b - self.coupling.along(p)
+        problem = Problem(
+            window.grid,
+            window.cut(g),
+            window.cut(b),
+            self.tolerance,
+            self.least,
+            self.report,
+        )
+        products = Products(self.matrix, self.max_products)
+        if self.total is not None and self._slides(g):
+            state, slip = slide_off(problem, self.total, products)
+        else:
+            state, slip = self._solve(window, problem, products), None
+        self.products += products.count
+        self.report.add(products.count, self.max_products)
+        self.found = Found(problem, state, window, slip)
+        self.slide, self.q = window.extend(state.areas.slide), window.extend(state.q)
+        return self.q
+
+    def result(self, p: Array) -> TangentialResult:
+        """Return what was found, with all displacements along the surface."""
+        assert self.found is not None
+        problem, state, window, slip = self.found
+        # The work of both problems together is with the pressures.
+        result = friction.make_result(problem, state, window, self.products, 0.0, slip)
+        return add_displacements(result, self.coupling.along(p), self.grid)
+
+    def _solve(self, window: Window, problem: Problem, products: Products) -> State:
+        """Return the state of stick and slip."""
+        guess, loads = None, Loads.of_sums(self.total, problem.b)
+        if self.q is not None:
+            slide = np.zeros(self.grid.shape, bool) if self.slide is None else self.slide
+            guess = admit(problem, window.cut(self.q), window.cut(slide))
+        state = shifted.solve(problem, loads, products, guess, nested=self.nested)
+        return state if len(loads.wanted) else replace(state, shift=np.zeros(len(problem.b)))
+
+    def _slides(self, g: Array) -> bool:
+        """Whether the given force is all that a bound carries, or more."""
+        if self.total is None:
+            return False
+        return float(np.linalg.norm(self.total)) >= float(g.sum()) * (1.0 - SLIDES)
+
+    def _fit(self, contact: Array) -> Window:
+        """Return a window of all elements in contact: the last one, while that has them all."""
+        window = self.window
+        if window is None or window.cut(contact).sum() < contact.sum():
+            self.window = window = self.grid.window(contact, MARGIN)
+            self.matrix = window.grid.tangential()
+        return window
+
+
+@dataclass
+class Rolling:
+    """Bodies that roll while pressures bound the tractions, and displace along the surface.
+
+    Attributes
+    ----------
+    grid : Grid
+    coupling, upstream : Coupling
+        Of the displacements here, and one element ahead.
+    mu : ndarray
+        The coefficient of friction, of all elements or of each.
+    solve : callable
+        Returns what `rolling` finds for a traction bound, a rigid slip over the distance rolled
+        that adds to that of the creepages, and a result to start from, or None.
+    slip : ndarray of shape (components, ...)
+        The part of that slip that is given.
+    found : TangentialResult or None
+        What was found last.
+    products : int
+        Products so far.
+    """
+
+    grid: Grid
+    coupling: Coupling
+    upstream: Coupling
+    mu: Array
+    solve: Callable[[Array, Array, TangentialResult | None], TangentialResult]
+    slip: Array
+    found: TangentialResult | None = None
+    products: int = 0
+
+    def __call__(self, p: Array) -> Array:
+        """Return the tractions for pressures p."""
+        strain = (self.coupling.along(p) - self.upstream.along(p)) / self.grid.element[0]
+        self.found = self.solve(bound_of(self.mu, p), self.slip + strain, self.found)
+        self.products += self.found.products
+        return self.found.traction.reshape(self.slip.shape)
+
+    def result(self, p: Array) -> TangentialResult:
+        """Return what was found, with all displacements along the surface."""
+        assert self.found is not None
+        # The work of both problems together is with the pressures.
+        result = replace(self.found, products=self.products, work=0.0)
+        return add_displacements(result, self.coupling.along(p), self.grid)
+
+
+def add_displacements(result: TangentialResult, u: Array, grid: Grid) -> TangentialResult:
+    """Return a result with the displacements along the surface by pressures, so that all are in it.
+
+    Nothing is left out then, and the resolution is doubted where the bodies are pressed.
+    """
+    shape = result.traction.shape
+    displacement = result.displacement + np.where(result.contact, u, 0.0).reshape(shape)
+    energy = 0.5 * grid.area * float((result.traction * displacement).sum())
+    return replace(result, displacement=displacement, energy=energy, warnings=())
 
 
 def alternate(
-    normal: Normal,
+    pressing: Pressing,
     shear: Callable[[Array], Array],
     p: Array,
     *,
@@ -41,7 +366,7 @@ def alternate(
 
     Parameters
     ----------
-    normal : Normal
+    pressing : Pressing
     shear : callable
         Returns the tangential tractions for pressures.
     p : ndarray
@@ -63,9 +388,9 @@ def alternate(
     residuals: list[float] = []
     while True:
         q = shear(p)
-        residuals.append(normal.look(q, p))
+        residuals.append(pressing.look(q, p))
         report.look(residuals[-1])
         if residuals[-1] <= tolerance or len(residuals) == most or report.exhausted:
             return p, q, tuple(residuals)
-        pairs = extend(pairs, p, normal.solve(q, p))
-        p = normal.balance(accelerate(pairs))
+        pairs = extend(pairs, p, pressing.solve(q, p))
+        p = pressing.balance(accelerate(pairs))
