@@ -1,0 +1,16 @@
+"""What contact problems have for answers, and the error where they have none."""
+
+from toeplitz_mg.contact.results.both import Before, FrictionalResult
+from toeplitz_mg.contact.results.errors import ContactError, ContactResult, check_converged
+from toeplitz_mg.contact.results.normal import NormalResult
+from toeplitz_mg.contact.results.tangential import TangentialResult
+
+__all__ = [
+    "Before",
+    "ContactError",
+    "ContactResult",
+    "FrictionalResult",
+    "NormalResult",
+    "TangentialResult",
+    "check_converged",
+]
