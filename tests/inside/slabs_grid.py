@@ -17,7 +17,7 @@ SHAPES = [(40, 9), (41, 33), (130, 70), (150, 131), (257, 64)]
 def grid_on(comm, shape, unit=None):
     """A grid in slabs, and that grid on one rank."""
     whole = Grid.of(shape, (0.02, 0.03), STEEL, None)
-    return SlabGrid(whole, slabs.Slab(comm, shape, unit=unit)), whole
+    return SlabGrid.of_rows(whole, slabs.Slab(comm, shape, unit=unit)), whole
 
 
 def test_coarser_fields_are_those_of_one_rank(comm):

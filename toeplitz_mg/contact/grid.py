@@ -1,14 +1,15 @@
 """The potential contact area: a grid of elements on the half-space, and its matrices."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from math import prod
-from typing import Any, Self
+from typing import Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import DTypeLike
 
-from toeplitz_mg._typing import Array, Element, Mask
+from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.dense import DenseMatrix
 from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
@@ -37,6 +38,8 @@ SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyt
 DENSE, ARRAYS = 640, 8
 COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
 COARSEST_LINE = 256  # Those of a line, where products take little beside the calls of more grids.
+
+Asked = TypeVar("Asked")
 
 
 @dataclass(frozen=True)
@@ -73,17 +76,23 @@ class Grid:
     periodic: tuple[bool, ...]
     directions: str = "xy"
     library: Library = NUMPY
+    callers = 0  # Functions between the user and the one of `contact` that has made it.
 
     @classmethod
     def of(
         cls,
         shape: tuple[int, ...],
-        element: Element,
+        element: Any,
         material: Any,
         reference: float | None,
         periodic: Any = False,
     ) -> Self:
-        """Return a grid of what the user gave, or say what is wrong with it."""
+        """Return a grid of what the user gave, or say what is wrong with it.
+
+        In the place of the size of an element `toeplitz_mg.slabs` gives its grid.
+        """
+        if isinstance(element, Grid):
+            return cast(Self, element)
         sizes = read_sizes(shape, element)
         material = combine(material)
         in_range("G", material.G)
@@ -102,6 +111,10 @@ class Grid:
     def vectors(self) -> Any:
         """The inner products, sums and extremes of fields."""
         return self.library.vectors
+
+    def agree(self, read: Callable[..., Asked], *arguments: Any) -> Asked:
+        """Return what is read of arguments, which several ranks have alike, or refuse together."""
+        return read(*arguments)
 
     @property
     def area(self) -> float:

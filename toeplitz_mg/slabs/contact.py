@@ -5,22 +5,15 @@ few elements is solved by every rank alone.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields, is_dataclass
-from inspect import signature
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from toeplitz_mg import contact
-from toeplitz_mg._typing import Array, Element
-from toeplitz_mg.contact import doubts
+from toeplitz_mg._typing import Element
 from toeplitz_mg.contact.checks import check_bound
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.normal.problem import Pressed, press
-from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.tangential.friction import Shifted, shift_bodies
-from toeplitz_mg.contact.tangential.rolling import Rolled, compare_loads, roll
-from toeplitz_mg.contact.tangential.steps import Stepped, roll_steps
+from toeplitz_mg.contact.results import NormalResult, TangentialResult
 from toeplitz_mg.slabs.grid import SlabGrid
 from toeplitz_mg.slabs.slab import Slab, require_slab
 from toeplitz_mg.values import field
@@ -68,9 +61,7 @@ def normal_contact(
     '0.00351 mm'
     """
     names = ("approach", "force", *SEARCH)
-    grid, z, how = _begin(contact.normal_contact, names, gap, slab, element, material, arguments)
-    asked = _agree(slab, Pressed.of, grid, z, **how)
-    return _check(press(grid, z, asked, how["progress"]), how)
+    return _on_rows(contact.normal_contact, names, gap, slab, element, material, arguments)
 
 
 def friction(
@@ -103,9 +94,7 @@ def friction(
     toeplitz_mg.contact.friction : the same on one machine.
     """
     names = ("shift", "force", "previous", *SEARCH)
-    grid, g, how = _begin(contact.friction, names, bound, slab, element, material, arguments)
-    asked = _agree(slab, Shifted.of, grid, g, **how)
-    return _check(shift_bodies(grid, g, asked, how["progress"]), how)
+    return _on_rows(contact.friction, names, bound, slab, element, material, arguments)
 
 
 def rolling(
@@ -136,11 +125,7 @@ def rolling(
     toeplitz_mg.contact.rolling : the same on one machine.
     """
     names = (*MOTION, "moment", *SEARCH, "options")
-    grid, g, how = _begin(contact.rolling, names, bound, slab, element, material, arguments)
-    asked = _agree(slab, Rolled.of, g.shape, **how)
-    result = roll(grid, g, asked, how["progress"], may_slide=True)
-    _, force, moment, *_ = how["asked"]
-    return _check(result, how, compare_loads(result, force, moment))
+    return _on_rows(contact.rolling, names, bound, slab, element, material, arguments)
 
 
 def rolling_steps(
@@ -166,11 +151,10 @@ def rolling_steps(
     toeplitz_mg.contact.rolling_steps : the same on one machine.
     """
     names = (*MOTION, "steps", "previous", "tolerance", "max_products", "progress")
-    grid, g, how = _begin(contact.rolling_steps, names, bound, slab, element, material, arguments)
-    return roll_steps(grid, g, _agree(slab, Stepped.of, grid, g.shape, **how), how["progress"])
+    return _on_rows(contact.rolling_steps, names, bound, slab, element, material, arguments)
 
 
-def _begin(
+def _on_rows(
     function: Callable[..., Any],
     names: tuple[str, ...],
     rows: ArrayLike,
@@ -178,60 +162,21 @@ def _begin(
     element: Element,
     material: Any,
     given: dict[str, Any],
-) -> tuple[Any, Array, dict[str, Any]]:
-    """Return the grid, this rank's rows of a field, and arguments of a function of `contact`.
-
-    Those that are not given have its own defaults. What makes no sense is refused by all ranks.
-    """
+) -> Any:
+    """Call a function of `contact` with a grid in slabs; what it cannot take all ranks refuse."""
     require_slab(slab)
-    with slab.agree():
-        for name in given:
-            if name not in names:
-                raise TypeError(
-                    f"{name} is given, but {function.__name__} on slabs takes {', '.join(names)}"
-                )
-        call = signature(function).bind(rows, None, material=None, **given)
-    call.apply_defaults()
-    how = {name: call.arguments[name] for name in names}
-    if "pole" in how:
-        longitudinal, lateral, spin, force, slip, pole = (how.pop(name) for name in MOTION)
-        creepages = (longitudinal, lateral, spin)
-        how["asked"] = creepages, force, how.pop("moment", None), slip, pole
-    name = next(iter(call.arguments))
     with slab.agree() as same:
-        x = field(name, rows) if name == "gap" else check_bound(rows)
+        for other in given:
+            if other not in names:
+                raise TypeError(
+                    f"{other} is given, but {function.__name__} on slabs takes {', '.join(names)}"
+                )
+        name = "gap" if function is contact.normal_contact else "bound"
+        shape = (field(name, rows) if name == "gap" else check_bound(rows)).shape
         if len(slab.shape) != 2:
             raise ValueError(f"the grid is {slab.shape}, but contact on slabs has two axes")
-        if x.shape != slab.local:
-            raise ValueError(f"{name} has shape {x.shape}, but this rank's rows have {slab.local}")
+        if shape != slab.local:
+            raise ValueError(f"{name} has shape {shape}, but this rank's rows have {slab.local}")
         whole = Grid.of(slab.shape, element, material, None)
         same["element"], same["material"] = whole.element, whole.material
-    return SlabGrid(whole, slab), x, how
-
-
-def _agree(slab: Slab, read: Callable[..., Any], *where: Any, **how: Any) -> Any:
-    """Return the arguments that are read, which all ranks refuse, or have alike."""
-    with slab.agree() as same:
-        asked = read(*where, **how)
-        same.update(_describe(asked))
-    return asked
-
-
-def _describe(asked: Any) -> dict[str, Any]:
-    """Return what has to be the same on all ranks; of fields and results whether they are given."""
-    told: dict[str, Any] = {}
-    for part in fields(asked):
-        value = getattr(asked, part.name)
-        if is_dataclass(value) and part.compare:
-            told |= _describe(value)
-        elif part.compare or value is None:
-            told[part.name] = value
-        else:
-            told[part.name] = "given"
-    return told
-
-
-def _check(result: Any, how: dict[str, Any], reached: str = "") -> Any:
-    """Return a result that has converged, and warn of what is doubtful about it."""
-    doubts.warn(check_converged(result, how["tolerance"], reached).warnings, within=1)
-    return result
+    return function(rows, SlabGrid.of_rows(whole, slab), material=material, **given)

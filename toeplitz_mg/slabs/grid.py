@@ -1,9 +1,11 @@
 """A grid of elements in slabs, and its matrices: what the searches of `contact` need of it."""
 
+from collections.abc import Callable
 from copy import copy
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
 from math import prod
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -24,37 +26,57 @@ from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.trigonometric import cosine_preconditioner
 from toeplitz_mg.slabs.window import FEW, SlabWindow
 
-AT: dict[int, float] = {0: 1.0}  # Displacements where the elements are.
-AHEAD: dict[int, float] = {1: 1.0}  # Displacements one element further along x.
 BLOCK = 64  # Rows whose coefficients are evaluated at once: what that takes is small.
 
 
-class SlabGrid:
-    """The rows that a rank has of a grid of elements: what `contact.grid.Grid` is for all of it.
+@dataclass(frozen=True)
+class SlabGrid(Grid):
+    """A grid of which a rank has the rows of a slab; fields are of these rows.
 
-    Fields are of these rows, and may have components before them. The methods are those of `Grid`.
-
-    Parameters
+    Attributes
     ----------
-    whole : Grid
-        Of two axes.
     slab : Slab
+        Of two axes.
     """
 
-    is_small = False  # Nothing is kept: ranks without it would wait for those that have it.
-    is_line = False
+    slab: Any = None
+    callers = 2
 
-    def __init__(self, whole: Grid, slab: Slab) -> None:
-        self.whole, self.slab, self.vectors = whole, slab, slab.vectors
-        self.shape, self.element, self.material = whole.shape, whole.element, whole.material
-        self.area, self.components, self.directions = whole.area, whole.components, whole.directions
-        self.periodic, self.has_free_mean = whole.periodic, whole.has_free_mean
-        self._is_first = slab.comm.rank == 0
-        self._is_last = slab.comm.rank == slab.comm.size - 1
+    @classmethod
+    def of_rows(cls, whole: Grid, slab: Slab) -> Self:
+        """Return the grid of which a rank has the rows of a slab."""
+        return cls(**vars(whole), slab=slab)
 
     def __reduce__(self) -> Any:
         """Be pickled, with what a result computes on demand on one rank, as the whole grid."""
         return copy, (self.whole,)
+
+    def agree(self, read: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what is read of arguments, which all ranks have alike, or refuse."""
+        with self.slab.agree() as same:
+            asked = read(*arguments)
+            same.update(_describe(asked))
+        return asked
+
+    @property
+    def whole(self) -> Grid:
+        """The grid of one process."""
+        return Grid(*(getattr(self, part.name) for part in fields(Grid)))
+
+    @property
+    def vectors(self) -> Any:
+        """The inner products, sums and extremes of fields."""
+        return self.slab.vectors
+
+    @property
+    def is_small(self) -> bool:
+        """Nothing is kept: ranks without it would wait for those that have it."""
+        return False
+
+    @property
+    def is_line(self) -> bool:
+        """Strips of one element are solved as any surface."""
+        return False
 
     @cached_property
     def _coarser(self) -> Any:
@@ -63,7 +85,7 @@ class SlabGrid:
             return whole  # Every rank has all of it.
         if np.diff(self._coarse_starts).min() == 0:
             return None
-        return SlabGrid(whole, self.slab.alike(whole.shape, self._coarse_starts))
+        return self.of_rows(whole, self.slab.alike(whole.shape, self._coarse_starts))
 
     @property
     def _coarse_starts(self) -> Array:
@@ -72,12 +94,12 @@ class SlabGrid:
 
     def centres(self) -> tuple[Array, Array]:
         """Return the centres of this rank's elements along each axis."""
-        x, y = self.whole.centres()
+        x, y = super().centres()
         return x[self.slab.rows], y
 
     def coarser(self, coarsest: int | None = None) -> Any:
         """Return the grid of elements twice the size, or None where that would be too coarse."""
-        if max(self.shape) <= self.whole.coarsest:  # Every rank has all of it.
+        if max(self.shape) <= self.coarsest:  # Every rank has all of it.
             return self.whole.coarser(coarsest)
         return self._coarser
 
@@ -106,10 +128,16 @@ class SlabGrid:
     def _with_neighbours(self, x: Array) -> tuple[Array, int]:
         """Return a field with a row of each rank beside this one, and which row is the first."""
         rows = np.moveaxis(x, -2, 0)
-        above = self.slab.shift(rows[-1:], int(not self._is_first), 1)
-        below = self.slab.shift(rows[:1], int(not self._is_last), -1)
+        is_first, is_last = self._ends
+        above = self.slab.shift(rows[-1:], int(not is_first), 1)
+        below = self.slab.shift(rows[:1], int(not is_last), -1)
         whole = np.moveaxis(np.concatenate([above, rows, below]), 0, -2)
         return whole, self.slab.rows.start - len(above)
+
+    @property
+    def _ends(self) -> tuple[bool, bool]:
+        """Whether this rank has the first row, and the last one."""
+        return self.slab.rows.start == 0, self.slab.rows.stop == self.shape[0]
 
     def window(self, elements: Mask, margin: float = 0.0) -> SlabWindow:
         """Return the rectangle around some elements, and a margin; the grid where none are."""
@@ -133,29 +161,24 @@ class SlabGrid:
         """Return how long the edge of some elements is (see `traits.fragmentation`)."""
         rows, first = self._with_neighbours(C)
         rows = rows[: self.slab.rows.stop - first]  # The edges below are those of the next rank.
-        rows = np.pad(rows, ((self._is_first, self._is_last), (0, 0)))
+        rows = np.pad(rows, (self._ends, (0, 0)))
         columns = np.pad(C, ((0, 0), (1, 1)))
         own = np.count_nonzero(np.diff(rows, axis=0)) + np.count_nonzero(np.diff(columns))
         return float(sum(self.vectors.gather(own)) / self.vectors.count(C) ** 0.5)
 
-    def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
+    def scaled_normal(self) -> tuple[ToeplitzOperator, float]:  # type: ignore[override]
         """Return the matrix of normal contact over its diagonal, and that."""
-        c = self._evaluate("zz", AT)
+        c = self._evaluate("zz", {0: 1.0})
         unit = float(self.vectors.gather(c[0, 0])[0])
         c /= unit
         return ToeplitzOperator(c, self.slab), unit
 
-    def tangential(self) -> CoupledOperator:
-        """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
-        return self._matrix(AT)
-
-    def upstream(self) -> CoupledOperator:
-        """Return the matrix of the tangential displacements one element ahead, at x + h1."""
-        return self._matrix(AHEAD)
-
-    def steady(self, A: CoupledOperator) -> CoupledOperator:
+    def steady(self, A: Any) -> CoupledOperator:
         """Return the matrix of steady rolling."""
-        return self._matrix(AT | {ahead: -weight for ahead, weight in AHEAD.items()})
+        return self._sum({0: 1.0, 1: -1.0})
+
+    def _matrix(self, ahead: int) -> CoupledOperator:
+        return self._sum({ahead: 1.0})
 
     def dense(self, contact: Mask, *, steady: bool) -> None:
         """Say that a matrix is no array, as no rank has all of it."""
@@ -172,7 +195,7 @@ class SlabGrid:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""
         return float(self.vectors.gather(A.blocks[0][0].c[0, 0])[0])
 
-    def _matrix(self, weights: dict[int, float]) -> CoupledOperator:
+    def _sum(self, weights: dict[int, float]) -> CoupledOperator:
         """Return the sum of the displacements so many elements ahead, with these weights."""
         xx, xy, yy = (self._block(name, weights) for name in ("xx", "xy", "yy"))
         return CoupledOperator([[xx, xy], [xy, yy]])
@@ -180,7 +203,7 @@ class SlabGrid:
     def _block(self, name: str, weights: dict[int, float]) -> ToeplitzOperator | None:
         """Return the part of a matrix for two directions, or None where it is zero."""
         c, behind, parity = self._evaluate(name, weights), None, KERNELS[name].parity
-        if weights != AT:
+        if any(weights):
             behind, parity = self._evaluate(name, weights, -1.0), (1, parity[1])
         if not self.vectors.count(c) and (behind is None or not self.vectors.count(behind)):
             return None
@@ -203,3 +226,17 @@ class SlabGrid:
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
         """Return an approximate inverse of a matrix of this grid on some elements."""
         return fsai_preconditioner(MaskedOperator(A, C), neighbours=NEIGHBOURS, dtype=dtype)
+
+
+def _describe(asked: Any) -> dict[str, Any]:
+    """Return what has to be the same on all ranks; of fields and results whether they are given."""
+    told: dict[str, Any] = {}
+    for part in fields(asked):
+        value = getattr(asked, part.name)
+        if is_dataclass(value) and part.compare:
+            told |= _describe(value)
+        elif part.compare or value is None:
+            told[part.name] = value
+        else:
+            told[part.name] = "given"
+    return told

@@ -44,7 +44,7 @@ class SlabWindow:
         self._rows = slice(*bounds[slab.comm.rank : slab.comm.rank + 2].tolist())
         self._back: Intervals | None = None
         if is_cut:
-            self.grid = type(whole)(self.grid, Slab(slab.comm, shape))
+            self.grid = replace(whole, shape=shape, slab=Slab(slab.comm, shape))
             first, stop = begin + self.grid.slab.starts[:-1], begin + self.grid.slab.starts[1:]
             self._back = Intervals(slab, np.append(first, end), bounds[:-1], bounds[1:])
         self._there = Intervals(slab, slab.starts, first, stop)

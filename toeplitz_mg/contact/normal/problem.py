@@ -176,9 +176,9 @@ def normal_contact(
         _check_library(library, name, surface, grid)
     before = () if previous is None else (previous,)
     search = tolerance, nested, max_products, progress
-    asked = Pressed.of(grid, z, approach, force, *search, before, hardness)
+    asked = grid.agree(Pressed.of, grid, z, approach, force, *search, before, hardness)
     result = press(grid, z, asked, progress, library)
-    doubts.warn(check_converged(result, tolerance).warnings)
+    doubts.warn(check_converged(result, tolerance).warnings, within=grid.callers)
     return result
 
 

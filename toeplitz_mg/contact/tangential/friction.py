@@ -146,8 +146,9 @@ def friction(
     if is_lateral(previous) or has_two_components(g.shape, shift, force):
         grid = replace(grid, directions="xy")
     search = tolerance, nested, max_products, progress
-    result = shift_bodies(grid, g, Shifted.of(grid, g, shift, force, previous, *search), progress)
-    doubts.warn(check_converged(result, tolerance).warnings)
+    asked = grid.agree(Shifted.of, grid, g, shift, force, previous, *search)
+    result = shift_bodies(grid, g, asked, progress)
+    doubts.warn(check_converged(result, tolerance).warnings, within=grid.callers)
     return result
 
 

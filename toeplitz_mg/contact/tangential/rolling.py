@@ -160,7 +160,8 @@ def rolling(
     def solve(
         asked: Any, g: Array, guess: TangentialResult | None, most: int, tell: Progress | None
     ) -> TangentialResult:
-        rolled = Rolled.of(g.shape, asked, tolerance, nested, most, tell, options, guess)
+        search = tolerance, nested, most, tell, options, guess
+        rolled = grid.agree(Rolled.of, g.shape, asked, *search)
         # Where friction falls, the bound without slip says nothing of what is carried.
         return roll(grid, g, rolled, tell, guess, may_slide=falling is None)
 
@@ -178,7 +179,7 @@ def rolling(
             motion = Motion.of(g.shape, *asked)
             result = fall_by_loads(rounds, motion, grid, g, falling, stiffness, tolerance)
     reached = compare_loads(result, force, moment)
-    doubts.warn(check_converged(result, tolerance, reached).warnings)
+    doubts.warn(check_converged(result, tolerance, reached).warnings, within=grid.callers)
     return result
 
 

@@ -115,7 +115,7 @@ def rolling_steps(
     grid = Grid.of(g.shape, element, material, None)
     motion = (longitudinal, lateral, spin), force, None, slip, pole
     search = tolerance, max_products, progress
-    asked = Stepped.of(grid, g.shape, motion, steps, previous, *search)
+    asked = grid.agree(Stepped.of, grid, g.shape, motion, steps, previous, *search)
     return roll_steps(grid, g, asked, progress)
 
 
@@ -171,7 +171,7 @@ def roll_steps(
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
     vectors, loads = grid.vectors, Loads.of_sums(total, q)
 
-    doubts.warn(about, within=1)
+    doubts.warn(about, within=1 + window.whole.callers)
 
     def march(q: Array) -> Iterator[TangentialResult]:
         A, S = grid.tangential(), grid.upstream()
