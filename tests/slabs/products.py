@@ -433,6 +433,13 @@ def test_blocks_that_are_not_transposes_are_refused_by_all(comm):
         return slabs.ToeplitzOperator(c, slab, parity=parity, behind=behind)
 
     check(block(u, v), block(v, u))()
+    full, rest = slabs.CoupledOperator, (np.arange(12)[slab.rows] > 0)[:, np.newaxis]
+    near, far = (u * (1.0 + change * rest) for change in (1e-15, 1e-9))
+    for b, c in ((block(u, v), block(v, near)), (block(u), block(near))):
+        C = full([[A, b], [c, A]])  # They are but for rounding, and averaged.
+        C.check_symmetric()
+        assert slab.vectors.max(np.abs(C.blocks[0][1].c - C.blocks[1][0].opposite)) == 0.0
+    assert not full([[A, block(u, v)], [block(v, far), A]]).is_symmetric
     text = "its blocks (1, 0) and (0, 1) are not each other's transpose"
     refuses(comm, ValueError, text, check(block(u, v), block(v, w)))
     refuses(comm, ValueError, text, check(block(u, v), block(w, u)))

@@ -105,10 +105,11 @@ class CoupledOperator(MatrixOperator):
         work = 1.0 if product is None else product.points / prod(grid_shape)
         super().__init__(dtype, grid_shape, work, library=library)
         # All in one precision, which their preconditioners have too.
-        cast_rows, self.is_symmetric = _symmetrise(_cast(rows, dtype), dtype)
+        cast_rows, self.is_symmetric = symmetrise(_cast(rows, dtype), dtype, Transposes())
         self.is_hermitian = self.is_symmetric
         if self.dtype.kind == "c":
-            cast_rows, self.is_hermitian = _symmetrise(cast_rows, dtype, conjugate=True)
+            of_conjugates = Transposes(conjugate=True)
+            cast_rows, self.is_hermitian = symmetrise(cast_rows, dtype, of_conjugates)
         self.blocks = rows = tuple(map(tuple, cast_rows))
         self._product = product or MultilevelProduct.of(
             library,
@@ -260,54 +261,72 @@ def _cast(rows: Rows, dtype: np.dtype[Any]) -> list[list[Any]]:
     return _each(rows, lambda block: block.astype(dtype if block.dtype.kind == "c" else real))
 
 
-def _symmetrise(rows: Rows, dtype: np.dtype[Any], *, conjugate: bool = False) -> tuple[Rows, bool]:
+class Transposes:
+    """What blocks have in common with the transposes of those opposite, or the conjugate ones."""
+
+    def __init__(self, *, conjugate: bool = False) -> None:
+        self.conjugate = conjugate
+
+    def is_own(self, block: Any) -> bool:
+        """Whether a block is its own transpose, as is known without a look at its coefficients."""
+        return block.dtype.kind != "c" and bool(block.is_symmetric)
+
+    def largest(self, block: Any) -> float:
+        """Return the size of the largest coefficient."""
+        return self._largest(block, block.lags)
+
+    def difference(self, block: Any, other: Any) -> float:
+        """Return the largest difference of a block and the transpose of another."""
+        return self._largest(block, block.lags - self._mirror(other))
+
+    def average(self, block: Any, other: Any) -> tuple[Any, Any]:
+        """Return the mean of a block and the transpose of another, and the transpose of that."""
+        mean = ToeplitzOperator.from_lags((block.lags + self._mirror(other)) / 2)
+        return mean, mean.H if self.conjugate else mean.T
+
+    def _mirror(self, block: Any) -> Array:
+        lags = block.library.xp.flip(block.lags)
+        return cast(Array, block.library.conj(lags) if self.conjugate else lags)
+
+    def _largest(self, block: Any, lags: Array) -> float:
+        xp = block.library.xp
+        return float(xp.max(xp.abs(lags)))
+
+
+def symmetrise(rows: Any, dtype: np.dtype[Any], transposes: Any) -> tuple[Any, bool]:
     """Return blocks averaged with those opposite, and whether they are alike up to rounding.
 
-    Where a block differs from the transpose of the other, or the conjugate transpose, by more, all
-    are returned as they are.
+    Where a block differs from the transpose of the other by more, all are returned as they are.
     """
-    differences = asymmetries(rows, conjugate=conjugate)
+    differences = asymmetries(rows, transposes)
     if max(differences.values()) > ROUNDING * float(np.finfo(dtype).eps):
         return rows, False
     averaged = [list(row) for row in rows]
     for (i, j), difference in differences.items():
         if difference:
-            block, other = cast(Any, rows[i][j]), cast(Any, rows[j][i])
-            mean = ToeplitzOperator.from_lags((block.lags + _mirror(other, conjugate)) / 2)
-            averaged[i][j], averaged[j][i] = mean, mean.H if conjugate else mean.T
+            averaged[i][j], averaged[j][i] = transposes.average(rows[i][j], rows[j][i])
     return averaged, True
 
 
-def asymmetries(rows: Rows, *, conjugate: bool) -> dict[tuple[int, int], float]:
-    """Return the largest difference of each block (i, j), j ≤ i, and the mirrored block (j, i).
+def asymmetries(rows: Any, transposes: Any) -> dict[tuple[int, int], float]:
+    """Return the largest difference of each block (i, j), j ≤ i, and the transpose of (j, i).
 
     It is relative to the largest coefficient of both, or to the geometric mean of those of the
     blocks (i, i) and (j, j) where that is larger.
     """
     pairs = [(i, j) for i in range(len(rows)) for j in range(i + 1)]
-    return {(i, j): _asymmetry(rows, i, j, conjugate) for i, j in pairs}
+    return {(i, j): _asymmetry(rows, i, j, transposes) for i, j in pairs}
 
 
-def _asymmetry(rows: Rows, i: int, j: int, conjugate: bool) -> float:
+def _asymmetry(rows: Any, i: int, j: int, transposes: Any) -> float:
     block, other = rows[i][j], rows[j][i]
     if block is None or other is None:
         return 0.0 if block is other else 1.0
-    if block is other and block.dtype.kind != "c" and block.is_symmetric:
+    if block is other and transposes.is_own(block):
         return 0.0
-    lags, mirrored = block.lags, _mirror(other, conjugate)
-    if block.library.xp.all(lags == mirrored):
+    if not (difference := transposes.difference(block, other)):
         return 0.0
-    of_i, of_j = (0.0 if D is None else _largest(D, D.lags) for D in (rows[i][i], rows[j][j]))
-    both = max(_largest(block, lags), _largest(block, mirrored))
-    return _largest(block, lags - mirrored) / max(both, sqrt(of_i) * sqrt(of_j))
-
-
-def _mirror(block: ToeplitzOperator, conjugate: bool) -> Array:
-    """Return the coefficients of the transpose, or the conjugate transpose."""
-    lags = block.library.xp.flip(block.lags)
-    return block.library.conj(lags) if conjugate else lags
-
-
-def _largest(A: ToeplitzOperator, lags: Array) -> float:
-    xp = A.library.xp
-    return float(xp.max(xp.abs(lags)))
+    largest = transposes.largest
+    of_i, of_j = (0.0 if D is None else largest(D) for D in (rows[i][i], rows[j][j]))
+    both = max(largest(block), largest(other))
+    return float(difference / max(both, sqrt(of_i) * sqrt(of_j)))

@@ -13,7 +13,7 @@ from toeplitz_mg._typing import Mask
 from toeplitz_mg.operators.base import require_numpy, require_serial
 from toeplitz_mg.operators.coefficients import require_range
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonallyScaled
-from toeplitz_mg.operators.coupled import CoupledOperator, asymmetries
+from toeplitz_mg.operators.coupled import CoupledOperator, Transposes, asymmetries
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.sums import (
     ToeplitzSum,
@@ -74,7 +74,7 @@ def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
         return
     is_complex = A.dtype.kind == "c"
     if isinstance(A, CoupledOperator):
-        shares = asymmetries(A.blocks, conjugate=is_complex)
+        shares = asymmetries(A.blocks, Transposes(conjugate=is_complex))
         i, j = max(shares, key=shares.__getitem__)
         share, which = shares[i, j], f"blocks[{i}][{j}] and the transpose of blocks[{j}][{i}]"
         which = which.replace("transpose", "conjugate transpose") if is_complex else which

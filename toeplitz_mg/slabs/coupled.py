@@ -1,10 +1,14 @@
 """Toeplitz matrices between the components of a field on slabs."""
 
 from collections.abc import Sequence
+from math import prod
 from typing import Any
 
 import numpy as np
 
+from toeplitz_mg._typing import Array
+from toeplitz_mg.operators import coupled
+from toeplitz_mg.operators.coupled import asymmetries, symmetrise
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.product import SlabProduct
 from toeplitz_mg.slabs.slab import Slab
@@ -24,7 +28,8 @@ class CoupledOperator(SlabOperator):
 
     See Also
     --------
-    toeplitz_mg.CoupledOperator : on one machine. What it refuses on one rank all refuse.
+    toeplitz_mg.CoupledOperator : on one machine. What it refuses on one rank all refuse; blocks
+        that are each other's transpose up to rounding are averaged, as there.
     """
 
     def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
@@ -52,11 +57,12 @@ class CoupledOperator(SlabOperator):
                 if block.library is not library:
                     refuse_mixed("a block", block.library.name, library.name)
             same["the dtypes of the blocks"] = [block.dtype.name for block in given]
+            same["which blocks are one operator"] = [given.index(block) for block in given]
         dtype = np.result_type(*(block.dtype for block in given))
         # Preconditioners of a block are those of its own precision.
-        self.blocks = tuple(
-            tuple(block and block.astype(dtype) for block in row) for row in self.blocks
-        )
+        rows = [[block and block.astype(dtype) for block in row] for row in self.blocks]
+        rows, self.is_symmetric = symmetrise(rows, dtype, Transposes())
+        self.blocks = tuple(map(tuple, rows))
         super().__init__(slab, dtype, (components, *slab.local), library=library)
         spectra = [[block and block.spectrum for block in row] for row in self.blocks]
         self.product = SlabProduct(slab, library, spectra, self.dtype)
@@ -71,12 +77,13 @@ class CoupledOperator(SlabOperator):
         for i, row in enumerate(self.blocks):
             if row[i] is None:
                 raise ValueError(f"the block of component {i} on itself is zero")
-            for j, block in enumerate(row[: i + 1]):
-                if not _is_transpose(block, self.blocks[j][i]):
-                    raise ValueError(
-                        f"A is not symmetric: its blocks ({i}, {j}) and ({j}, {i}) are not each "
-                        "other's transpose"
-                    )
+        if not self.is_symmetric:
+            shares = asymmetries(self.blocks, Transposes())
+            i, j = max(shares, key=shares.__getitem__)
+            raise ValueError(
+                f"A is not symmetric: its blocks ({i}, {j}) and ({j}, {i}) are not each other's "
+                "transpose"
+            )
 
     def __repr__(self) -> str:
         return f"<CoupledOperator of {len(self.blocks)} components {self.slab.name}, {self.dtype}>"
@@ -97,9 +104,36 @@ def _not_blocks(blocks: Any) -> TypeError:
     )
 
 
-def _is_transpose(one: ToeplitzOperator | None, other: ToeplitzOperator | None) -> bool:
-    """Whether a block is the transpose of the other."""
-    if one is None or other is None:
-        return one is other
-    differ = np.logical_or(other.c != one.opposite, other.opposite != one.c)
-    return one.parity[1:] == other.parity[1:] and not one.slab.vectors.count(differ)
+class Transposes(coupled.Transposes):
+    """What blocks have in common with the transposes of those opposite, on all ranks."""
+
+    def largest(self, block: ToeplitzOperator) -> float:
+        """Return the size of the largest coefficient."""
+        parts = [block.c] if block.behind is None else [block.c, block.behind]
+        return max(block.slab.vectors.max(np.abs(part)) for part in parts)
+
+    def difference(self, block: ToeplitzOperator, other: ToeplitzOperator) -> float:
+        """Return the largest difference of a block and the transpose of another."""
+        if block.parity[1:] != other.parity[1:]:
+            return np.inf
+        pairs = (block.c, other.opposite), (block.opposite, other.c)
+        return max(block.slab.vectors.max(np.abs(one - two)) for one, two in pairs)
+
+    def average(
+        self, block: ToeplitzOperator, other: ToeplitzOperator
+    ) -> tuple[ToeplitzOperator, ToeplitzOperator]:
+        """Return the mean of a block and the transpose of another, and the transpose of that."""
+        c, opposite = (block.c + other.opposite) / 2, (block.opposite + other.c) / 2
+        sign, lines = prod(block.parity[1:]), block.parity[1:]
+        if block is other:
+            mean = self._make(block, c, (sign, *lines))
+            return mean, mean
+        if block.behind is None and block.parity == other.parity and other.behind is None:
+            return self._make(block, c, block.parity), self._make(block, opposite, block.parity)
+        ahead, back = ((1, *lines), sign * opposite), ((1, *lines), sign * c)
+        return self._make(block, c, *ahead), self._make(block, opposite, *back)
+
+    def _make(self, block: ToeplitzOperator, c: Array, *parts: Any) -> ToeplitzOperator:
+        c, *behind = (block.library.from_numpy(part) for part in (c, *parts[1:]))
+        behind = behind[0] if behind else None
+        return ToeplitzOperator(c, block.slab, parity=parts[0], behind=behind)

@@ -139,7 +139,7 @@ class SlabGrid(Grid):
         """Whether this rank has the first row, and the last one."""
         return self.slab.rows.start == 0, self.slab.rows.stop == self.shape[0]
 
-    def window(self, elements: Mask, margin: float = 0.0) -> SlabWindow:
+    def window(self, elements: Mask, margin: float = 0.0) -> Any:
         """Return the rectangle around some elements, and a margin; the grid where none are."""
         (first, end), columns = (ends_of(elements, axis) for axis in range(2))
         start, n = self.slab.rows.start, self.shape[0]
