@@ -13,7 +13,7 @@ def main():
     from mpi4py import MPI
 
     slab, what = slabs.Slab(MPI.COMM_WORLD, (64, 64)), sys.argv[1]
-    x, y = slab.lags((1.0, 1.0))
+    x, y = slab.offsets((1.0, 1.0))
     A = slabs.ToeplitzOperator(1.0 / (1.0 + np.hypot(x, y)), slab)
     for k in range(3):
         if k == 1 and slab.comm.rank == slab.comm.size - 1:

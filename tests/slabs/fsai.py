@@ -40,7 +40,7 @@ def areas(shape):
 
 def both(slab, element, mask, dtype=np.float64):
     """A mask of a half-space matrix, of one process and of these ranks."""
-    points = halfspace.offsets(slab.shape, element), slab.lags(element)
+    points = halfspace.offsets(slab.shape, element), slab.offsets(element)
     whole, own = (halfspace.influence_zz(*xy, element, G=1.0, nu=0.28) for xy in points)
     serial = tmg.MaskedOperator(tmg.ToeplitzOperator(whole.astype(dtype)), mask)
     full = slabs.ToeplitzOperator(own.astype(dtype), slab)
@@ -163,7 +163,7 @@ def test_bytes_of_an_application(comm):
     """A few rows between neighbours, each way and level, and one number for each aggregate."""
     shape = (1024, 1024)
     slab = slabs.Slab(comm, shape)
-    x, y = slab.lags((1.0, 1.0))
+    x, y = slab.offsets((1.0, 1.0))
     A = slabs.ToeplitzOperator(halfspace.influence_zz(x, y, (1.0, 1.0), G=1.0, nu=0.28), slab)
     P = slabs.fsai_preconditioner(A)
     ones = np.ones(A.shape[0])

@@ -57,7 +57,7 @@ def memory_of(work, *arguments):
 def everything(comm, rows):
     """Multiply, precondition, solve and save, with so many rows for each rank."""
     slab = slabs.Slab(comm, (rows * comm.size, OWN // rows))
-    x, y = slab.lags((1.0, 1.0))
+    x, y = slab.offsets((1.0, 1.0))
     full = slabs.ToeplitzOperator(1.0 / (1.0 + np.hypot(x, y)), slab)
     A = slabs.MaskedOperator(full, np.random.default_rng(0).random(slab.local) < 0.9)
     for make in (

@@ -130,7 +130,7 @@ def serial_and_slabs(slab, dtype=np.float64, nu=NU, element=ELEMENT):
     """The matrix of two coupled components, of one process and of these ranks."""
     parts = {"xx": (1, 1), "xy": (-1, -1), "yy": (1, 1)}
     x, y = halfspace.offsets(slab.shape, element)
-    own = slab.lags(element)
+    own = slab.offsets(element)
     serial, ours = {}, {}
     for name, parity in parts.items():
         influence = partial(getattr(halfspace, f"influence_{name}"), G=1.0, nu=nu)
@@ -213,7 +213,7 @@ def test_functions_of_one_process_refuse_operators_of_slabs(comm):
 def test_each_rank_evaluates_its_own_rows_to_the_same_bits(comm):
     for shape in [(12, 7), (64, 32)]:
         slab = slabs.Slab(comm, shape)
-        own, whole = slab.lags(ELEMENT), halfspace.offsets(shape, ELEMENT)
+        own, whole = slab.offsets(ELEMENT), halfspace.offsets(shape, ELEMENT)
         for name in ("zz", "xx", "xy"):
             influence = getattr(halfspace, f"influence_{name}")
             c = influence(*own, ELEMENT, G=1.0, nu=NU)

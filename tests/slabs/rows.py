@@ -139,12 +139,12 @@ def test_numbers_where_only_one_rank_has_any(comm):
     assert slab.extent(np.empty(0)) == (np.inf, -np.inf)
 
 
-def test_lags_are_those_of_the_rows(comm):
+def test_offsets_are_those_of_the_rows(comm):
     slab = Slab(comm, (9, 4))
-    x, y = slab.lags((0.5, 2.0))
+    x, y = slab.offsets((0.5, 2.0))
     assert np.array_equal(x[:, 0], 0.5 * np.arange(9)[slab.rows])
     assert np.array_equal(y[0], 2.0 * np.arange(4))
-    refuses(comm, ValueError, "element is (1.0,)", lambda: slab.lags((1.0,)))
+    refuses(comm, ValueError, "element is (1.0,)", lambda: slab.offsets((1.0,)))
 
 
 def test_an_error_of_one_rank_is_one_of_all(comm):
@@ -186,7 +186,7 @@ def test_operators_of_two_kinds_are_refused_wherever_they_meet(comm):
     if comm.size == 1:
         return
     slab, is_first = Slab(comm, (12, 10)), comm.rank == 0
-    x, y = slab.lags((1.0, 1.0))
+    x, y = slab.offsets((1.0, 1.0))
     A = ToeplitzOperator(1.0 / (1.0 + np.hypot(x, y)), slab)
     coupled = CoupledOperator([[A, None], [None, A]])
     masked = MaskedOperator(A, np.ones(slab.local, bool))

@@ -146,7 +146,7 @@ def area_and_its_rows(comm, mask, *, is_balanced=False):
     slab = slab.balanced(mask[slab.rows]) if is_balanced else slab
     influence = partial(halfspace.influence_zz, element=element, G=1.0, nu=0.28)
     whole = tmg.ToeplitzOperator(influence(*halfspace.offsets(mask.shape, element)))
-    full = slabs.ToeplitzOperator(influence(*slab.lags(element)), slab)
+    full = slabs.ToeplitzOperator(influence(*slab.offsets(element)), slab)
     own = mask[slab.rows]
     return tmg.MaskedOperator(whole, mask), slabs.MaskedOperator(full, own), own
 

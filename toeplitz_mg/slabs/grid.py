@@ -211,7 +211,7 @@ class SlabGrid(Grid):
 
     def _evaluate(self, name: str, weights: dict[int, float], sign: float = 1.0) -> Array:
         """Return this rank's rows of the coefficients of lags of this sign along x."""
-        x, y = self.slab.lags((self.element[0], self.element[1]))
+        x, y = self.slab.offsets((self.element[0], self.element[1]))
         c = np.zeros(self.slab.local)
         for k in range(0, len(x), BLOCK):
             for ahead, weight in weights.items():

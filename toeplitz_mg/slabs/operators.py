@@ -156,7 +156,7 @@ class ToeplitzOperator(SlabOperator):
     >>> from mpi4py import MPI
     >>> from toeplitz_mg import cg, halfspace, slabs
     >>> slab, element = slabs.Slab(MPI.COMM_WORLD, (32, 16)), (0.25, 0.5)
-    >>> x, y = slab.lags(element)
+    >>> x, y = slab.offsets(element)
     >>> A = slabs.ToeplitzOperator(halfspace.influence_zz(x, y, element, G=1.0, nu=0.28), slab)
     >>> pressure, info = cg(A, np.ones(A.shape[0]), M=slabs.sine_preconditioner(A))
     >>> info

@@ -139,8 +139,8 @@ class Slab(Messages):
         """Whether the grid has one axis, besides those of one element."""
         return axes_of(self.shape) == 1
 
-    def lags(self, element: tuple[float, float]) -> tuple[Array, Array]:
-        """Return the points of the first column for this rank's rows (see `halfspace.offsets`).
+    def offsets(self, element: tuple[float, float]) -> tuple[Array, Array]:
+        """Return the offsets of the first column for this rank's rows (see `halfspace.offsets`).
 
         Parameters
         ----------
