@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+import pytest
 
 import toeplitz_mg as tmg
 from comparisons.systems import masks
@@ -191,9 +192,22 @@ def test_an_iteration_adds_three_sums_to_its_products(comm):
     sums = np.diff([made["Allgather"] for made in calls])
     assert (sums == 3).all()
     assert (np.diff(sent) - of_products == 5 * 8 * (comm.size - 1)).all()
-    assert all(made["allgather"] == 1 for made in calls)
+    # Each iteration asks whether a callback has raised.
+    assert [made["allgather"] for made in calls] == [1 + k for k in range(len(calls))]
     steps = np.diff([made["Alltoallv"] for made in calls])
     assert (steps == (4 if comm.size > 1 else 2)).all()  # One rank multiplies without.
+
+
+def test_a_callback_that_raises_on_one_rank_does_on_all(comm):
+    A, _ = on_slab(comm, (20, 16))
+
+    def stop(x):
+        raise LookupError("enough")
+
+    for iterate in (tmg.cg, tmg.richardson):
+        callback, own = (stop, LookupError) if comm.rank == comm.size - 1 else (None, RuntimeError)
+        with pytest.raises(own, match="enough"):
+            iterate(A, np.ones(A.shape[0]), M=slabs.fft_preconditioner(A), callback=callback)
 
 
 def test_islands_on_one_rank(comm):

@@ -4,13 +4,15 @@ An operator names its `ranks`, by default `SERIAL`. `toeplitz_mg.slabs` has thos
 machines, of which each multiplies its own rows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
 
 from toeplitz_mg.engine.vectors import VECTORS
+
+Callback = Callable[..., object] | None
 
 
 class Ranks:
@@ -22,6 +24,10 @@ class Ranks:
         What has to be the same in all of them is put into the dictionary, by its name.
         """
         return nullcontext({})
+
+    def share_errors(self, callback: Callback) -> Callback:
+        """Return a callback, or None; where it raises in one process, all raise an error."""
+        return callback
 
     def gather(self, number: Any) -> Sequence[Any]:
         """Return a number, or an array of numbers, of each process, in the order of these."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.ranks import Ranks
+from toeplitz_mg.engine.ranks import Callback, Ranks
 from toeplitz_mg.preconditioners.fsai.rows import Refused
 
 # What all ranks raise alike; in the place of any other error a RuntimeError.
@@ -73,6 +73,24 @@ class Messages(Ranks):
                         f"{name} is {value} on rank 0 and {other[name]} on rank {rank}, but must "
                         "be the same on all"
                     )
+
+    def share_errors(self, callback: Callback) -> Callback:
+        """Return a callback that all ranks have to call, or None where no rank has one.
+
+        Where it raises on one rank, it does on all: there its own error, elsewhere that of `agree`.
+        """
+        if not any(self.gather(callback is not None)):
+            return None
+
+        def tell(*arguments: Any) -> None:
+            try:
+                with self.agree():
+                    if callback is not None:
+                        callback(*arguments)
+            except Exception as error:
+                raise (error.__cause__ or error) from None
+
+        return tell
 
     def gather(self, number: Any) -> Sequence[Any]:
         """Return a number, or an array of numbers, of each rank, in the order of the ranks.

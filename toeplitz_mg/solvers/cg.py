@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
+from toeplitz_mg.engine.ranks import ranks_of
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.algebra import is_hermitian
 from toeplitz_mg.solvers.checks import Iterate, System, check_precision, check_system
@@ -120,11 +121,11 @@ def cg(
     state = Descent(system)
     if state.size_of_b == 0.0:
         return state.zero()
-    goal = state.goal(rtol, atol)
+    goal, tell = state.goal(rtol, atol), ranks_of(A).share_errors(callback)
 
     def watch() -> None:
-        if callback is not None:
-            callback(state.solution())
+        if tell is not None:
+            tell(state.solution())
 
     for aim in AIMS:
         if not state.reach(aim * goal, system.maxiter, watch):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.ranks import ranks_of
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import Iterate, check_system
 
@@ -81,12 +82,12 @@ def richardson(
     if state.size_of_b == 0.0:
         return state.zero()
     limit = max(state.size, state.size_of_b) / np.finfo(state.system.dtype).eps
-    best, best_at = state.size, 0
+    best, best_at, tell = state.size, 0, ranks_of(A).share_errors(callback)
 
     def watch() -> bool:
         nonlocal best, best_at
-        if callback is not None:
-            callback(state.x)
+        if tell is not None:
+            tell(state.x)
         if state.size < best:
             best, best_at = state.size, state.iterations
         return state.iterations - best_at >= PATIENCE or not state.size <= limit
