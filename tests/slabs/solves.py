@@ -118,6 +118,8 @@ def test_components_that_have_no_m_are_refused_by_all(comm):
         ([[A, None], [None, slabs.ToeplitzOperator(c, slab, behind=c)]], ValueError, "of parity"),
     ):
         refuses(comm, kind, text, partial(make, slabs.CoupledOperator(blocks)))
+    other = partial(slabs.cosine_preconditioner, slabs.CoupledOperator([[A, B], [A, A]]))
+    refuses(comm, ValueError, "is not symmetric", other)
 
 
 def test_bytes_of_preconditioners(comm):

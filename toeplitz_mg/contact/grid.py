@@ -274,8 +274,7 @@ class Grid:
 
     def diagonal(self, A: Any) -> float:
         """Return the entry on the diagonal of a matrix of this grid, of the first component."""
-        first = A.component(0) if isinstance(A, CoupledOperator) else A
-        return float(first.c.flat[0])
+        return float(getattr(A, "blocks", ((A,),))[0][0].diagonal_entry)
 
     @property
     def is_line(self) -> bool:

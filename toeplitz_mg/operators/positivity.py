@@ -12,10 +12,9 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import library_of
+from toeplitz_mg.engine.ranks import ranks_of
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.operators.coefficients import check_precision, require_range
-from toeplitz_mg.operators.coupled import CoupledOperator
-from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 # Error of an eigenvalue, in units of eps times the largest one: 1 to 3.8 was seen with transforms
 # of lengths up to 2^18.
@@ -26,15 +25,16 @@ INDEFINITE = "solve_toeplitz(A.c, b) for a whole line, or gmres, which takes any
 LAST_RESORT = f"{INDEFINITE}, or cg without M if A is positive definite after all"
 
 
-def precision(A: ToeplitzOperator | CoupledOperator, dtype: DTypeLike | None) -> np.dtype[Any]:
+def precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
     """Return the precision of a preconditioner of A: `dtype`, or that of A.
 
     Raises ValueError where A, or its inverse, is nearly out of the range of float32: what overflows
     there, or is rounded to zero, would be seen nowhere.
     """
-    result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
-    A.library.require("dtype", result)
-    blocks = A.blocks if isinstance(A, CoupledOperator) else ((A,),)
+    with ranks_of(A).agree() as same:
+        same["dtype"] = result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
+        A.library.require("dtype", result)
+    blocks = getattr(A, "blocks", ((A,),))
     for block in (row[i] for i, row in enumerate(blocks)):
         require_range(0.0 if block is None else abs(complex(block.diagonal_entry)), result)
     return result

@@ -1,6 +1,6 @@
 """The FFT preconditioner M, a Toeplitz matrix of an interior column of A⁻¹ (paper, §3.1)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import prod
 from typing import Any
 
@@ -20,6 +20,7 @@ from toeplitz_mg.operators.lifting import check_hermitian, lift, restrict, unwra
 from toeplitz_mg.operators.positivity import name_robust, precision, require_positive
 from toeplitz_mg.operators.symbol import continue_axis
 
+SUBJECT = "the embedding of A in a circulant, which M inverts, has the eigenvalue"
 BLOCK_SUBJECT = "the embedding of A in a block circulant, which M inverts, has the pivot"
 
 
@@ -101,9 +102,8 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
     """Return M of one component on the whole grid: the inverse of a circulant, cut to the grid."""
     dtype = precision(A, dtype)
     lengths = tuple(2 * n - 1 for n in A.grid_shape)
-    is_fast = all(near_fast_length(m) == m for m in lengths)
     is_even = A.is_even and A.dtype.kind != "c"
-    is_exact = is_fast or not is_even or A.shape[0] < LONG
+    is_exact = not (is_even and is_continued(A.grid_shape))
     transforms, library = _transforms_for(A), A.library
     if is_exact:
         count_transforms(2, *lengths)
@@ -113,12 +113,7 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
         for axis, n in enumerate(A.grid_shape):
             column = continue_axis(column, axis, near_fast_length(n))
         spectrum = library.cosine_sums(column)
-    require_positive(
-        spectrum,
-        dtype,
-        "the embedding of A in a circulant, which M inverts, has the eigenvalue",
-        name_robust(A.grid_shape),
-    )
+    require_positive(spectrum, dtype, SUBJECT, name_robust(A.grid_shape))
     spectrum = library.invert(spectrum)
     if is_exact:
         inverse = transforms.backward(spectrum, s=lengths, axes=tuple(range(len(lengths))))
@@ -130,6 +125,12 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
         return ToeplitzOperator(inverse[tuple(slice(n) for n in A.grid_shape)])
     lags = library.xp.fft.fftshift(inverse)
     return ToeplitzOperator.from_lags(_make_hermitian(lags))
+
+
+def is_continued(grid: tuple[int, ...]) -> bool:
+    """Whether the circulant of an even matrix is longer than 2 n - 1: that is long, and slow."""
+    is_fast = all(near_fast_length(2 * n - 1) == 2 * n - 1 for n in grid)
+    return not is_fast and prod(grid) >= LONG
 
 
 def _transforms_for(A: ToeplitzOperator | CoupledOperator) -> Transforms:
@@ -159,44 +160,87 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
         A.component(i)  # This refuses a block that is zero.
     lengths = tuple(near_fast_length(2 * n - 1) for n in grid)
     transforms = _transforms_for(A)
-    S: list[list[Any]] = [
-        [_sample_symbol(block, lengths, transforms) for block in row] for row in A.blocks
-    ]
     precise = np.result_type(A.dtype, dtype)
     advice = "componentwise(chan_preconditioner)(A), which needs the components only"
-    invert_matrices(S, lambda pivot: require_positive(pivot, precise, BLOCK_SUBJECT, advice))
-    library, axes = A.library, tuple(range(len(grid)))
-    blocks: list[list[ToeplitzOperator | None]] = [[None] * components for _ in range(components)]
-    for i in range(components):
-        for j in range(i + 1):
-            if np.ndim(S[i][j]) == 0:
-                continue  # The block is zero.
-            count_transforms(1, *lengths)
-            lags = transforms.backward(S[i][j], s=lengths, axes=axes)
-            S[i][j] = S[j][i] = 0.0  # It is of no more use, and large.
-            lags = library.xp.roll(lags, tuple(n - 1 for n in grid), axis=axes)
-            lags = lags[tuple(slice(2 * n - 1) for n in grid)]
-            if i == j:
-                lags = _make_hermitian(lags)
-            block = ToeplitzOperator.from_lags(library.cast(lags, dtype))
-            blocks[i][j], blocks[j][i] = block, block.H
+
+    def find_lags(symbol: Any, i: int, j: int) -> Array:
+        axes = tuple(range(len(grid)))
+        lags = transforms.backward(symbol, s=lengths, axes=axes)
+        lags = A.library.xp.roll(lags, tuple(n - 1 for n in grid), axis=axes)
+        lags = lags[tuple(slice(2 * n - 1) for n in grid)]
+        return A.library.cast(_make_hermitian(lags) if i == j else lags, dtype)
+
+    def make(lags: Array, i: int, j: int) -> tuple[ToeplitzOperator, ToeplitzOperator]:
+        block = ToeplitzOperator.from_lags(lags)
+        return block, block.H
+
+    blocks = invert_blocks(
+        A.blocks,
+        lambda block: _sample_symbol(block, lengths, transforms),
+        lambda pivot: require_positive(pivot, precise, BLOCK_SUBJECT, advice),
+        find_lags,
+        make,
+        lengths,
+    )
     return CoupledOperator(blocks)
 
 
 def _sample_symbol(
-    block: ToeplitzOperator | None, lengths: tuple[int, ...], transforms: Transforms
+    block: ToeplitzOperator, lengths: tuple[int, ...], transforms: Transforms
 ) -> Any:
-    """Return the eigenvalues of the circulant that embeds a block; 0 where there is none."""
-    if block is None:
-        return 0.0
+    """Return the eigenvalues of the circulant that embeds a block."""
     library = block.library
     column = library.cast(block.lags, np.result_type(block.dtype, np.float64))
     for axis, length in enumerate(lengths):
         ahead, behind = split(library, column, axis, 0)
         column = around(library, ahead, behind, axis, length, is_straight=True)
-    count_transforms(1, *lengths)
     symbol = transforms.forward(column)
     return library.real(symbol) if block.is_hermitian else symbol
+
+
+def invert_blocks(
+    blocks: Any,
+    sample: Callable[[Any], Any],
+    check: Callable[[Any], None],
+    find_lags: Callable[[Any, int, int], Array],
+    make: Callable[[Array, int, int], tuple[Any, Any]],
+    lengths: Sequence[int],
+) -> list[list[Any]]:
+    """Return the blocks of the inverse of the block circulant in which a Hermitian matrix lies.
+
+    Parameters
+    ----------
+    blocks : sequence of sequences of (ToeplitzOperator or None)
+    sample : callable
+        From a block to its symbol.
+    check : callable
+        It refuses a pivot that is not positive.
+    find_lags, make : callable
+        From the symbol of the inverse, i and j to its coefficients, and from these, i and j to its
+        blocks (i, j) and (j, i).
+    lengths : sequence of int
+        Those of the transforms of a block.
+    """
+    components = range(len(blocks))
+    S: list[list[Any]] = [[0.0 for _ in components] for _ in components]
+    for i in components:
+        for j in range(i + 1):
+            if (block := blocks[i][j]) is not None:
+                count_transforms(1, *lengths)
+                S[i][j] = sample(block)
+                if i != j:
+                    S[j][i] = library_of(S[i][j]).conj(S[i][j])
+    invert_matrices(S, check)
+    inverse: list[list[Any]] = [[None for _ in components] for _ in components]
+    for i in components:
+        for j in range(i + 1):
+            if np.ndim(S[i][j]) == 0:
+                continue  # The block is zero.
+            count_transforms(1, *lengths)
+            lags = find_lags(S[i][j], i, j)
+            S[i][j] = S[j][i] = 0.0  # It is of no more use, and large.
+            inverse[i][j], inverse[j][i] = make(lags, i, j)
+    return inverse
 
 
 def invert_matrices(S: list[list[Any]], check: Callable[[Any], None]) -> None:

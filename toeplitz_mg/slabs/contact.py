@@ -84,14 +84,9 @@ def friction(
     TangentialResult
         As that of `normal_contact`.
 
-    Raises
-    ------
-    ValueError, TypeError, ContactError
-        What `contact.friction` raises on one machine, on all ranks.
-
     See Also
     --------
-    toeplitz_mg.contact.friction : the same on one machine.
+    toeplitz_mg.contact.friction : on one machine. What it raises on one rank it does on all.
     """
     names = ("shift", "force", "previous", *SEARCH)
     return _on_rows(contact.friction, names, bound, slab, element, material, arguments)
@@ -115,14 +110,9 @@ def rolling(
     TangentialResult
         As that of `normal_contact`.
 
-    Raises
-    ------
-    ValueError, TypeError, ContactError
-        What `contact.rolling` raises on one machine, on all ranks.
-
     See Also
     --------
-    toeplitz_mg.contact.rolling : the same on one machine.
+    toeplitz_mg.contact.rolling : on one machine. What it raises on one rank it does on all.
     """
     names = (*MOTION, "moment", *SEARCH, "options")
     return _on_rows(contact.rolling, names, bound, slab, element, material, arguments)

@@ -133,7 +133,9 @@ class Transposes(coupled.Transposes):
         ahead, back = ((1, *lines), sign * opposite), ((1, *lines), sign * c)
         return self._make(block, c, *ahead), self._make(block, opposite, *back)
 
-    def _make(self, block: ToeplitzOperator, c: Array, *parts: Any) -> ToeplitzOperator:
-        c, *behind = (block.library.from_numpy(part) for part in (c, *parts[1:]))
-        behind = behind[0] if behind else None
-        return ToeplitzOperator(c, block.slab, parity=parts[0], behind=behind)
+    def _make(
+        self, block: ToeplitzOperator, c: Array, parity: tuple[int, ...], behind: Any = None
+    ) -> ToeplitzOperator:
+        make = block.library.from_numpy
+        behind = None if behind is None else make(behind)
+        return ToeplitzOperator(make(c), block.slab, parity=parity, behind=behind)

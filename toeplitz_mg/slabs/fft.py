@@ -3,27 +3,22 @@
 from collections.abc import Sequence
 from functools import partial
 from math import prod
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.transforms import LONG
-from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import require_positive
-from toeplitz_mg.preconditioners.fft import BLOCK_SUBJECT, invert_matrices
+from toeplitz_mg.preconditioners.fft import BLOCK_SUBJECT, SUBJECT, invert_blocks, is_continued
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.structure import ROBUST, restricted
 from toeplitz_mg.slabs.symbol import GridSymbol, LineSymbol, Parity
 
-SUBJECT = "the embedding of A in a circulant, which M inverts, has the eigenvalue"
-
 
 def _invert_coupled(A: CoupledOperator, dtype: np.dtype[Any]) -> CoupledOperator:
     """Return the leading block of the inverse of the block circulant that embeds `A`."""
-    A.check_symmetric()
     lengths = [near_fast_length(2 * n - 1) for n in _grid_of(A)]
     blocks = _invert(A, dtype, _signs(A), lengths, BLOCK_SUBJECT)
     return CoupledOperator(blocks)
@@ -56,13 +51,11 @@ def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperato
     toeplitz_mg.fft_preconditioner : on one machine.
     fsai_preconditioner : moves far fewer bytes.
     """
-    lengths = [2 * n - 1 for n in _grid_of(A)]
-    is_fast = all(near_fast_length(m) == m for m in lengths)
-    if is_continued := not is_fast and prod(A.slab.shape) >= LONG:
-        lengths = [2 * near_fast_length(n) for n in _grid_of(A)]
-    ((M,),) = _invert(A, dtype, [A.parity], lengths, SUBJECT, is_continued)
-    assert M is not None
-    return M
+    grid = _grid_of(A)
+    is_longer = is_continued(grid)
+    lengths = [2 * near_fast_length(n) if is_longer else 2 * n - 1 for n in grid]
+    ((M,),) = _invert(A, dtype, [A.parity], lengths, SUBJECT, is_longer)
+    return cast(SlabOperator, M)
 
 
 def _grid_of(A: Any) -> tuple[int, ...]:
@@ -77,8 +70,8 @@ def _invert(
     signs: Sequence[Parity],
     lengths: Sequence[int],
     subject: str,
-    is_continued: bool = False,
-) -> list[list[ToeplitzOperator | None]]:
+    is_longer: bool = False,
+) -> list[list[Any]]:
     """Return blocks of the inverse of the circulant of these lengths that embeds `A`.
 
     Parameters
@@ -86,38 +79,35 @@ def _invert(
     signs : sequence of tuple of {1, -1}
         Those of the components, by which the blocks are even or odd along each axis.
     """
-    slab, components = A.slab, range(len(A.blocks))
-    symbol = (LineSymbol if slab.is_line else GridSymbol)(slab, lengths)
-    S: list[list[Any]] = [[0.0 for _ in components] for _ in components]
-    for i in components:
-        for j in range(i + 1):
-            if (block := A.blocks[i][j]) is not None:
-                count_transforms(1, *(2 * n for n in slab.local))
-                c = block.c.astype(np.float64, copy=False)
-                S[i][j] = symbol.sample(c, block.parity, is_continued=is_continued)
-                S[j][i] = S[i][j].conj()
-    extents: list[Array] = []
-    with np.errstate(divide="ignore", invalid="ignore"):  # Refused when all pivots are known.
-        invert_matrices(S, lambda pivot: extents.append(np.array(slab.extent(pivot))))
-    for extent in extents:
-        require_positive(extent, dtype, subject, ROBUST)
-    blocks: list[list[ToeplitzOperator | None]] = [[None for _ in components] for _ in components]
-    for i in components:
-        for j in range(i + 1):
-            if np.ndim(S[i][j]) == 0:
-                continue  # The block is zero.
-            count_transforms(1, *(2 * n for n in slab.local))
-            parity = tuple(a * b for a, b in zip(signs[i], signs[j], strict=True))
-            c = symbol.lags(S[i][j], parity).astype(dtype)
-            S[i][j] = S[j][i] = 0.0  # It is of no more use, and large.
-            for axis in (axis for axis, sign in enumerate(parity) if sign < 0):
-                if axis or slab.rows.start == 0:
-                    np.moveaxis(c, axis, 0)[0] = 0.0  # But for rounding it is.
-            make = A.library.from_numpy
-            blocks[i][j] = blocks[j][i] = ToeplitzOperator(make(c), slab, parity=parity)
-            if prod(parity) < 0:
-                blocks[j][i] = ToeplitzOperator(make(-c), slab, parity=parity)
-    return blocks
+    slab = A.slab
+    symbols = (LineSymbol if slab.is_line else GridSymbol)(slab, lengths)
+
+    def sample(block: ToeplitzOperator) -> Array:
+        c = block.c.astype(np.float64, copy=False)
+        return symbols.sample(c, block.parity, is_continued=is_longer)
+
+    def parity_of(i: int, j: int) -> Parity:
+        return tuple(a * b for a, b in zip(signs[i], signs[j], strict=True))
+
+    def find_lags(symbol: Array, i: int, j: int) -> Array:
+        parity = parity_of(i, j)
+        c = symbols.lags(symbol, parity).astype(dtype)
+        for axis in (axis for axis, sign in enumerate(parity) if sign < 0):
+            if axis or slab.rows.start == 0:
+                np.moveaxis(c, axis, 0)[0] = 0.0  # But for rounding it is.
+        return c
+
+    def make(c: Array, i: int, j: int) -> tuple[ToeplitzOperator, ToeplitzOperator]:
+        parity = parity_of(i, j)
+        block = ToeplitzOperator(A.library.from_numpy(c), slab, parity=parity)
+        if prod(parity) > 0:
+            return block, block
+        return block, ToeplitzOperator(A.library.from_numpy(-c), slab, parity=parity)
+
+    def check(pivot: Array) -> None:
+        require_positive(np.array(slab.extent(pivot)), dtype, subject, ROBUST)
+
+    return invert_blocks(A.blocks, sample, check, find_lags, make, [2 * n for n in slab.local])
 
 
 def _signs(A: CoupledOperator) -> list[Parity]:

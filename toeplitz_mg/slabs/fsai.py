@@ -9,6 +9,7 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import require_numpy
+from toeplitz_mg.operators.positivity import precision
 from toeplitz_mg.preconditioners.fsai.build import Options
 from toeplitz_mg.preconditioners.fsai.coupled import select_coupled_stencil
 from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
@@ -24,7 +25,7 @@ from toeplitz_mg.slabs.fsai_levels import (
 )
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
-from toeplitz_mg.slabs.structure import find_precision, unwrap
+from toeplitz_mg.slabs.structure import unwrap
 
 Blocks = Sequence[Sequence[Any]]  # Of ToeplitzOperator or None.
 
@@ -112,7 +113,7 @@ def fsai_preconditioner(
         require_numpy(full, "fsai_preconditioner on slabs", OTHERS)
         options = Options(check_neighbours(neighbours))
         same["neighbours"] = options.neighbours
-    precision = find_precision(full, dtype)
+    dtype = precision(full, dtype)
     _require_symmetric(full, blocks)
     mask = np.ones(full.grid_shape, bool) if A is full else A.mask
     most = REPEATED * prod(slab.shape) / slab.comm.size
@@ -120,9 +121,9 @@ def fsai_preconditioner(
         joint = None if options.neighbours else _joint(blocks, mask)
         each = mask.reshape(len(blocks), -1)
         parts = [(joint, options)] if joint else _alone(blocks, each, options)
-        levels = [build_on_slab(*part, precision, most) for part in parts]
+        levels = [build_on_slab(*part, dtype, most) for part in parts]
     counts = [int(np.count_nonzero(part.c)) for part, _ in parts]
-    return SlabSparseInverse(levels, counts, slab, precision, full.grid_shape)
+    return SlabSparseInverse(levels, counts, slab, dtype, full.grid_shape)
 
 
 def _require_symmetric(full: SlabOperator, blocks: Blocks) -> None:

@@ -191,10 +191,6 @@ class SlabGrid(Grid):
         """Return the rows and columns of some elements of a matrix of this grid."""
         return MaskedOperator(A, C)
 
-    def diagonal(self, A: Any) -> float:
-        """Return the entry on the diagonal of a matrix of this grid, of the first component."""
-        return float(self.vectors.gather(A.blocks[0][0].c[0, 0])[0])
-
     def _sum(self, weights: dict[int, float]) -> CoupledOperator:
         """Return the sum of the displacements so many elements ahead, with these weights."""
         xx, xy, yy = (self._block(name, weights) for name in ("xx", "xy", "yy"))

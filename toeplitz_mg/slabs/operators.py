@@ -205,6 +205,11 @@ class ToeplitzOperator(SlabOperator):
         return ((self,),)
 
     @property
+    def diagonal_entry(self) -> float:
+        """The coefficient of lag zero, which the first rank has."""
+        return float(self.slab.gather(self.c.flat[0])[0])
+
+    @property
     def opposite(self) -> Array:
         """The coefficients of the opposite lags of those of `c`."""
         behind = self.parity[0] * self.c if self.behind is None else self.behind

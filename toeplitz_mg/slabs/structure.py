@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg import operators, preconditioners
-from toeplitz_mg.operators.coefficients import check_precision, require_range
+from toeplitz_mg.operators.positivity import precision
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.operators import MaskedOperator, SlabOperator, ToeplitzOperator
 
@@ -46,13 +46,14 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
         full = unwrap(A)
         with full.slab.agree() as same:
             same["the preconditioner"], same["A"] = make.__name__, A.kind
+        if isinstance(full, CoupledOperator):
+            full.check_symmetric()
         M: SlabOperator
-        if isinstance(full, ToeplitzOperator):
-            M = _make(make, full, dtype)
-        elif of_coupled is None:
-            M = BlockDiagonal([_make(make, row[i], dtype) for i, row in enumerate(full.blocks)])
+        if of_coupled is not None and isinstance(full, CoupledOperator):
+            M = of_coupled(full, precision(full, dtype))
         else:
-            M = of_coupled(full, find_precision(full, dtype))
+            parts = [_make(make, row[i], dtype) for i, row in enumerate(full.blocks)]
+            M = BlockDiagonal(parts) if isinstance(full, CoupledOperator) else parts[0]
         M.made_by = make.__name__
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
 
@@ -63,24 +64,12 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
 def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
     if A is None or not A.is_even:
         raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
-    dtype = find_precision(A, dtype)
+    dtype = precision(A, dtype)
     if not (A.slab.is_line and A.slab.comm.size == 1):
         return make(A, dtype)
     M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
     M.product = getattr(preconditioners, make.__name__)(A.product, dtype=dtype)
     return M
-
-
-def find_precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
-    """Return the precision of a preconditioner of A (see `positivity.precision`)."""
-    with A.slab.agree() as same:
-        same["dtype"] = precision = check_precision(A.dtype if dtype is None else dtype, A.dtype)
-        A.library.require("dtype", precision)
-    for block in (row[i] for i, row in enumerate(A.blocks)):
-        if block is not None:
-            # Rank 0 has the diagonal.
-            require_range(abs(A.slab.gather(block.c.flat[0])[0]), precision)
-    return precision
 
 
 class BlockDiagonal(SlabOperator):

@@ -55,15 +55,13 @@ def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperat
 
     Parameters
     ----------
-    A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
-        Even along each axis; each component is treated by itself.
-    dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default.
+    A, dtype
+        As of `cosine_preconditioner`.
 
     Returns
     -------
     SlabOperator
-        As `fft_preconditioner` returns it; it moves half the bytes.
+        As of `cosine_preconditioner`.
 
     Raises
     ------
