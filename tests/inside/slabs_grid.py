@@ -66,17 +66,6 @@ def test_lines_and_edges_are_those_of_one_rank(comm):
             assert np.array_equal(lines, whole.lines(C, axis))
 
 
-def test_coefficients_are_those_of_the_rows(comm):
-    grid, whole = grid_on(comm, (150, 33))
-    A, unit = grid.scaled_normal()
-    c = whole.normal_coefficients()
-    assert unit == c[0, 0]
-    x = np.random.default_rng(2).standard_normal(whole.shape)
-    y = A.apply(x[grid.slab.rows].reshape(-1))
-    expected = (whole.scaled_normal()[0] @ x.ravel()).reshape(whole.shape)[grid.slab.rows]
-    assert_allclose(y, expected.ravel(), atol=1e-13 * np.abs(expected).max())
-
-
 def test_matrices_of_rolling_are_those_of_the_rows(comm):
     for shape in ((40, 9), (41, 33)):
         grid, whole = grid_on(comm, shape)
