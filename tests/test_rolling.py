@@ -131,6 +131,17 @@ def test_products_do_not_depend_on_the_number_of_elements(creepages):
     assert_within_budget(case, products=of_many.products, work_units=of_many.work)
 
 
+@doubtful
+@pytest.mark.parametrize("creepages", [(0.005, 0.0), (0.002, 0.003), (0.05, 0.0)])
+def test_products_on_a_fragmented_area(creepages):
+    h, material = (1 / 96, 1 / 96), Material.from_shear(0.75, 0.25)
+    rough = surfaces.rough((192, 192), h, rms=0.01, longest=0.5, shortest=1 / 24, seed=1)
+    pressed = normal_contact(rough, h, material=material, force=0.2)
+    result = rolling(pressed, mu=MU, longitudinal=creepages[0], lateral=creepages[1])
+    assert_rolls(result, material)
+    assert_within_budget("rolling of rough surfaces, n = 192", products=result.products)
+
+
 def test_a_start_from_coarser_grids_is_nearly_right():
     """Few elements are in the wrong one of stick and slip, so that 1 % takes few products."""
     creepages = [(c, 0.0, 0.0) for c in (0.02, 0.03, 0.05, 0.1)]

@@ -2,7 +2,7 @@
 
 A circulant's eigenvalues are split into factors of the lags from zero on and from zero down; the
 inverse that is made of them is exact at both edges of what may change, and with an addition to the
-diagonal it is interpolated.
+diagonal it is interpolated. On fragmented areas the inverse is made of their runs.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.fft import next_fast_len
 
 from toeplitz_mg.contact import Material
 from toeplitz_mg.halfspace import influence_matrix
+from toeplitz_mg.operators import MaskedOperator
 from toeplitz_mg.preconditioners.causal import (
     FieldTransform,
     ShiftedInverses,
@@ -21,6 +22,7 @@ from toeplitz_mg.preconditioners.causal import (
     find_spectrum,
     interpolate,
 )
+from toeplitz_mg.preconditioners.runs import InverseOnRuns
 
 BODY = Material.from_shear(2.0, 0.3)
 
@@ -137,3 +139,27 @@ def test_lengths_are_no_longer_than_all_lags():
     for n in range(1, 30):
         for length in find_lengths((n, n)):
             assert n <= length <= next_fast_len(2 * n - 1)
+
+
+def eigenvalues_on_runs(area, i):
+    """Those of the approximate inverse on an area times the matrix of rolling, of a component."""
+    A, K = influence_matrix("xy", area.shape, (0.5, 0.8), BODY), rolling_on(area.shape)
+    inverse, m = InverseOnRuns(A.component(i), area, np.float64), np.count_nonzero(area)
+    units = np.zeros((m, *area.shape))
+    units[:, area] = np.eye(m)
+    P = np.array([inverse(unit)[area] for unit in units]).T
+    return np.linalg.eigvals(P @ (MaskedOperator(K.component(i), area) @ np.eye(m)))
+
+
+@pytest.mark.parametrize("i", [0, 1])
+def test_on_one_run_of_elements_the_inverse_is_exact(i):
+    area = np.zeros((16, 5), bool)
+    area[1:13, 2] = True
+    assert_allclose(eigenvalues_on_runs(area, i), 1.0, atol=1e-11)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8, 1.0])
+def test_on_a_fragmented_area_corrections_by_the_inverse_converge(share):
+    area = np.random.default_rng(0).random((24, 20)) < share
+    for i in range(2):
+        assert np.abs(eigenvalues_on_runs(area, i) - 1.0).max() < 0.9

@@ -28,6 +28,7 @@ from toeplitz_mg.halfspace.periodic import Waves
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners.causal import ShiftedInverses
 from toeplitz_mg.preconditioners.choice import quick_fsai
+from toeplitz_mg.preconditioners.runs import InverseOnRuns
 from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import in_range
@@ -255,9 +256,17 @@ class Grid:
         return DenseMatrix(A, np.frombuffer(contact, bool).reshape(self.shape))
 
     @keep
-    def invert_shifted(self, K: Any, dtype: DTypeLike) -> Any:
-        """Return approximate inverses of the matrix of steady rolling with additions."""
-        return ShiftedInverses.of(K, dtype)
+    def invert_shifted(self, K: Any, dtype: DTypeLike, own: tuple[Any, ...] = ()) -> Any:
+        """Return approximate inverses of the matrix of steady rolling with additions.
+
+        Those of its components without additions may be known.
+        """
+        return ShiftedInverses.of(K, dtype, own)
+
+    def invert_on_runs(self, C: Mask, dtype: DTypeLike) -> tuple[Any, ...]:
+        """Return approximate inverses of the components of that matrix on a fragmented area."""
+        A = self.tangential()
+        return tuple(InverseOnRuns(A.component(i), C, dtype) for i in range(self.components))
 
     @keep
     def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:

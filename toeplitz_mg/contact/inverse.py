@@ -93,6 +93,24 @@ def invert_on(grid: Grid, A: Any, C: Array) -> Any:
     return grid.restrict(_invert_by_transform(grid, A, dtype), everywhere)
 
 
+def invert_steady(grid: Grid, K: Any, C: Array, dtype: DTypeLike) -> Any:
+    """Return approximate inverses of the matrix of steady rolling with additions.
+
+    Parameters
+    ----------
+    grid : Grid
+    K : ToeplitzOperator or CoupledOperator
+    C : ndarray of bool, of the shape of the grid
+        The elements in contact.
+    dtype : float32 or float64
+    """
+    own: tuple[Any, ...] = ()
+    if not grid.is_line and is_fsai_worthwhile(_count(grid, K), partial(grid.fragmentation, C)):
+        with suppress(np.linalg.LinAlgError):
+            own = grid.invert_on_runs(C, dtype)
+    return grid.invert_shifted(K, dtype, own)
+
+
 def _invert_by_transform(grid: Grid, A: Any, dtype: DTypeLike) -> Any:
     """Return an approximate inverse on the whole grid, of this precision where that is enough."""
     with suppress(np.linalg.LinAlgError):  # The symbol may sink into the rounding.

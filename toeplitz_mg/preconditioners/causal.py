@@ -18,6 +18,9 @@ that of the other; up to an edge it is the same in the opposite order. And eithe
 circulant at an edge of the other kind: so the sum of both orders, less the inverse of the
 circulant, is right at both. With this the products do not depend on the number of elements.
 
+On a fragmented area no edge is far from others. There the inverse of K itself is given, of each
+component by its runs (see `runs`), and circulants are of K + ν only.
+
 References
 ----------
 I. Gohberg, I. A. Feldman, Convolution equations and projection methods for their solution, AMS
@@ -119,6 +122,9 @@ class ShiftedInverses:
         each by itself: the coupling is weak, and inverted too, it saves no iteration.
     causal : list of ndarray
         The causal factors of the inverses of these (see `find_causal_factor`).
+    own : sequence of callable, optional
+        Approximate inverses of the components of K itself, from field to field, in the place of
+        its factors.
     diagonal : float
         That of K.
     vectors : Vectors
@@ -141,6 +147,7 @@ class ShiftedInverses:
         causal: list[Array],
         diagonal: float,
         *,
+        own: Sequence[Callable[[Array], Array]] = (),
         vectors: Vectors = VECTORS,
         share: float = 1.0,
     ) -> None:
@@ -149,8 +156,8 @@ class ShiftedInverses:
         fade = np.exp(fade_rate(lengths[0]) * rows).astype(self.dtype)
         self._fade = fade.reshape(-1, *(1,) * (len(lengths) - 1))
         precision = np.result_type(self.dtype, np.complex64)
-        self._causal = np.array(causal, precision)
-        anticausal = [1.0 / (s * factor) for s, factor in zip(spectra, causal, strict=True)]
+        self._own, self._causal = own, np.array(causal, precision)
+        anticausal = [1.0 / (s * factor) for s, factor in zip(spectra, causal, strict=not own)]
         self._anticausal = np.array(anticausal, precision)
         self._inverses = [
             np.array([1.0 / (s + nu) for s in spectra], precision)
@@ -158,16 +165,16 @@ class ShiftedInverses:
         ]
 
     @classmethod
-    def of(cls, K: Any, dtype: DTypeLike) -> Self:
+    def of(cls, K: Any, dtype: DTypeLike, own: Sequence[Callable[[Array], Array]] = ()) -> Self:
         """Return those of a ToeplitzOperator or a CoupledOperator of some components."""
         is_coupled = isinstance(K, CoupledOperator)
         blocks = [K.component(i) for i in range(len(K.blocks))] if is_coupled else [K]
         grid = blocks[0].grid_shape
         lengths = find_lengths(grid)
         spectra = [find_spectrum(block, lengths) for block in blocks]
-        causal = [find_causal_factor(1.0 / s, lengths) for s in spectra]
+        causal = [] if own else [find_causal_factor(1.0 / s, lengths) for s in spectra]
         transform, diagonal = FieldTransform(grid, lengths, dtype), float(blocks[0].c.flat[0])
-        return cls(transform, lengths, np.arange(grid[0]), spectra, causal, diagonal)
+        return cls(transform, lengths, np.arange(grid[0]), spectra, causal, diagonal, own=own)
 
     def at(self, addition: Array) -> Callable[[Array, Projection], Array]:
         """Return the approximate inverse of K + an addition to the diagonal at each place.
@@ -175,7 +182,7 @@ class ShiftedInverses:
         It takes a field, (components, ...), and the projection to those by which the tractions may
         change, to another field.
         """
-        first, second, stiffness = self._causal, self._anticausal, addition / self.diagonal
+        stiffness = addition / self.diagonal
         weights, local = interpolate(stiffness, self.dtype, ADDITIONS)
         within = (1.0 / np.sqrt(1.0 + stiffness)).astype(self.dtype)
         local /= self.diagonal
@@ -184,18 +191,30 @@ class ShiftedInverses:
 
         def invert(r: Array, project_each: Projection) -> Array:
             r = r.astype(self.dtype, copy=False)
-            R = self._forward(r)
-            # Without the half the sum of both orders would be twice the inverse of the circulant.
-            halves = self._multiply([[(R, first)], [(R, second)]])
-            whole = 0.5 * halves
-            project_each(halves)
-            halves *= within
-            halves -= whole
-            X, Y = self._forward(halves).reshape(2, *R.shape)
-            sums = [[(X, second), (Y, first)], *([(R, self._inverses[k - 1])] for k in used)]
-            return np.einsum("k...,kc...->c...", weights, self._multiply(sums)) + local * r
+            R = self._forward(r) if used or not self._own else r
+            others = [[(R, self._inverses[k - 1])] for k in used]
+            if self._own:
+                parts = zip(self._own, within * r, strict=True)
+                fields = np.stack([inverse(part) for inverse, part in parts])[None]
+                if others:
+                    fields = np.concatenate([fields, self._multiply(others)])
+            else:
+                fields = self._multiply([self._cut(R, within, project_each), *others])
+            return np.einsum("k...,kc...->c...", weights, fields) + local * r
 
         return invert
+
+    def _cut(self, R: Array, within: Array, project_each: Projection) -> list[tuple[Array, Array]]:
+        """Return the inverse of K itself of a transform, cut at the edges, as terms of a sum."""
+        first, second = self._causal, self._anticausal
+        # Without the half the sum of both orders would be twice the inverse of the circulant.
+        halves = self._multiply([[(R, first)], [(R, second)]])
+        whole = 0.5 * halves
+        project_each(halves)
+        halves *= within
+        halves -= whole
+        X, Y = self._forward(halves).reshape(2, *R.shape)
+        return [(X, second), (Y, first)]
 
     def _forward(self, x: Array) -> Array:
         """Return the transforms of fields, (..., components, ...)."""

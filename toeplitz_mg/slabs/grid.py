@@ -183,9 +183,15 @@ class SlabGrid(Grid):
     def dense(self, contact: Mask, *, steady: bool) -> None:
         """Say that a matrix is no array, as no rank has all of it."""
 
-    def invert_shifted(self, K: CoupledOperator, dtype: DTypeLike) -> ShiftedInverses:
+    def invert_shifted(
+        self, K: CoupledOperator, dtype: DTypeLike, own: Any = ()
+    ) -> ShiftedInverses:
         """Return approximate inverses of the matrix of steady rolling with additions."""
         return invert_shifted(K, dtype, self.diagonal(K))
+
+    def invert_on_runs(self, C: Mask, dtype: DTypeLike) -> tuple[()]:
+        """Return none, as a run of elements may lie on several ranks."""
+        return ()
 
     def restrict(self, A: Any, C: Mask) -> MaskedOperator:
         """Return the rows and columns of some elements of a matrix of this grid."""

@@ -8,9 +8,9 @@ given a search for their creepages (`searching`).
 The approximate inverses are of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν. Where
 elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size: in
 each place the inverses are interpolated to its λ. That of K itself is right at the edges of where
-it sticks, too (see `preconditioners.causal`). So the products do not depend on the number of
-elements. (With one ν for all, they doubled from 128² elements to 512²; without the edges, they
-grew by up to 1.5.)
+it sticks, too (see `preconditioners.causal`), and on fragmented areas made of their runs (see
+`preconditioners.runs`). So the products do not depend on the number of elements. (With one ν for
+all, they doubled from 128² elements to 512²; without the edges, they grew by up to 1.5.)
 
 Where loads are given, a change of the tractions takes up what is missing of them; the rest of it is
 orthogonal to the fields whose inner products with tractions the loads are, and the slip that it
@@ -26,6 +26,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.dense import LEAST_UNIT, MOST_UNIT
 from toeplitz_mg.contact.grid import COARSEST
+from toeplitz_mg.contact.inverse import invert_steady
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
 from toeplitz_mg.contact.tangential.given_loads import Loads
@@ -132,7 +133,8 @@ def find_steady_state(
             return replace(state, iterations=(sum(state.iterations),))
         best, guess, iterations = state, (state.q, state.areas), (sum(state.iterations),)
     k0 = grid.diagonal(K.A)
-    M = grid.invert_shifted(K.A, np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64)
+    dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
+    M = invert_steady(grid, K.A, problem.g > 0.0, dtype)
     if guess is None:
         guess = admit(problem, np.zeros(problem.b.shape), np.zeros(problem.g.shape, bool))
     accuracy, creepages, depth = LOOSE, np.zeros(len(loads.wanted)), options.iterations

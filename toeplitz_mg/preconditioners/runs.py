@@ -1,0 +1,94 @@
+"""An approximate inverse of the matrix of steady rolling on a fragmented area: FSAI, and sums.
+
+The area consists of runs of elements along the rolling direction, the first axis. The matrix is
+K = A D: D takes the difference of each element and the one ahead, (D q)_i = q_i - q_(i+1), and A is
+symmetric. Where q is zero outside of the area, w = D q is zero but there and on the one element
+behind each run, and its sum over a run and that element is zero. Any such w is the difference of
+sums q_i = w_i + q_(i+1), from the leading end of a run on. So K q = r on the area is
+
+    A w = r + β,  with a field β on the elements behind the runs for which the sums of w vanish.
+
+FSAI of A on the area and these elements is F ≈ A⁻¹, so that w = F r + F β. What a displacement
+β there adds to a sum is mostly to that of its own run, and about the same for all. Its mean is
+found by one application to random signs (Hutchinson), and divides the sums of F r.
+
+References
+----------
+M. F. Hutchinson, A stochastic estimator of the trace of the influence matrix for Laplacian
+smoothing splines, Commun. Stat. Simul. Comput. 18 (1989).
+"""
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator, apply_to_rows
+from toeplitz_mg.preconditioners.choice import quick_fsai
+
+
+class InverseOnRuns:
+    """The approximate inverse of A times differences along the first axis, on an area.
+
+    It is exact where the area is one run that ends within the grid, and F = A⁻¹.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator
+        Of two axes, symmetric positive definite.
+    area : ndarray of bool, of the shape of the grid
+    dtype : float32 or float64
+        The precision in which FSAI is applied.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where FSAI is refused.
+    """
+
+    def __init__(self, A: ToeplitzOperator, area: Mask, dtype: DTypeLike) -> None:
+        behind, leads = np.zeros_like(area), area.copy()
+        behind[:-1] = area[1:] & ~area[:-1]
+        leads[:-1] &= ~area[1:]
+        both = area | behind
+        self._F, self._dtype = quick_fsai(MaskedOperator(A, both), dtype=dtype), np.dtype(dtype)
+        self._shape, self._cells = area.shape, np.flatnonzero(both)
+        # The numbers of these elements, run by run, each from its leading end to what is behind it.
+        number = np.zeros(area.shape, np.intp)
+        number[both] = np.arange(len(self._cells))
+        backwards = both[::-1].T
+        self._order = number[::-1].T[backwards]
+        self._leads = np.flatnonzero(leads[::-1].T[backwards])
+        self._lengths = np.diff(self._leads, append=len(self._order))
+        self._behind = np.flatnonzero(behind[both])
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], len(self._behind))
+        # An area that goes on to the end of the grid has nothing behind it.
+        self._response = float(signs @ self._sum(self._spread(signs))[self._behind])
+        self._response /= max(len(signs), 1)
+
+    def __call__(self, r: Array) -> Array:
+        """Return the field on the area that a field, where it is on the area, is the image of."""
+        f = r.reshape(-1)[self._cells].astype(self._dtype, copy=False)
+        f[self._behind] = 0.0
+        w = apply_to_rows(self._F, f)
+        if len(self._behind):
+            w += self._spread(-self._sum(w)[self._behind] / self._response)
+        q = self._sum(w)
+        q[self._behind] = 0.0
+        field = np.zeros(self._shape, self._dtype)
+        field.reshape(-1)[self._cells] = q
+        return field
+
+    def _spread(self, beta: Array) -> Array:
+        """Return FSAI of displacements behind the runs."""
+        f = np.zeros(len(self._cells), self._dtype)
+        f[self._behind] = beta
+        return apply_to_rows(self._F, f)
+
+    def _sum(self, w: Array) -> Array:
+        """Return the sums from the leading end of each run on: behind it, that of all."""
+        in_order = w[self._order].astype(np.float64)
+        sums = np.cumsum(in_order)
+        sums -= np.repeat(sums[self._leads] - in_order[self._leads], self._lengths)
+        q = np.empty_like(sums)
+        q[self._order] = sums
+        return q
