@@ -305,14 +305,6 @@ def test_a_concave_body_touches_a_convex_one_as_one_of_their_difference():
     assert_allclose(result.approach, 0.4**2, rtol=1e-3)
 
 
-@pytest.mark.parametrize(
-    "radii", [(0.0, 1.0), (np.nan, 1.0), (1.0, 2.0, 3.0), 1.0, ((1.0, 2.0), (1.0, 0.0))]
-)
-def test_radii_that_make_no_sense(radii):
-    with pytest.raises(ValueError, match="radii is"):
-        surfaces.ellipsoid((4, 4), (1.0, 1.0), radii=radii)
-
-
 def test_the_spectrum_is_flat_before_the_roll_off_and_falls_after_it():
     n, hurst, roll_off = 512, 0.7, 64.0
     waves = {"hurst": hurst, "roll_off": roll_off, "longest": 256.0, "shortest": 8.0}
@@ -346,20 +338,35 @@ def test_without_a_roll_off_the_longest_wave_is_where_the_fall_begins():
         surfaces.rough((64, 64), (1.0, 1.0), roll_off=64.0, **options)
 
 
-@pytest.mark.parametrize("size", [1e-300, 1e300])
-def test_lengths_whose_powers_cannot_be_represented_are_refused(size):
-    grid = (8, 8), (1.0, 1.0)
-    for make in (
-        lambda: surfaces.cylinder(*grid, radius=size),
-        lambda: surfaces.sphere(*grid, radius=size),
-        lambda: surfaces.wavy(*grid, amplitude=size, wavelength=2.0),
-        lambda: surfaces.rough(*grid, rms=size),
-    ):
-        with pytest.raises(ValueError, match=r"is of size 1e.300, but must be zero or 1e-40"):
-            make()
+MAKE = {  # Surfaces of some shape, with what may be changed.
+    "ellipsoid": {"radii": (1.0, 2.0)},
+    "cylinder": {"radius": 1.0},
+    "sphere": {"radius": 1.0},
+    "wavy": {"amplitude": 1.0, "wavelength": 2.0},
+    "rough": {"rms": 1.0},
+}
+SIZED = [("cylinder", "radius"), ("sphere", "radius"), ("wavy", "amplitude"), ("rough", "rms")]
 
 
-@pytest.mark.parametrize(("seed", "error"), [(-1, ValueError), (1.5, TypeError), ("a", TypeError)])
-def test_a_seed_that_is_none_is_named(seed, error):
-    with pytest.raises(error, match=f"seed is {seed!r}, but must be an integer of at least zero"):
-        surfaces.rough((16, 16), (1.0, 1.0), rms=1.0, seed=seed)
+@pytest.mark.parametrize(
+    ("name", "change", "error", "message"),
+    [
+        *(("ellipsoid", {"radii": radii}, ValueError, "radii is")
+          for radii in ((0.0, 1.0), (np.nan, 1.0), (1.0, 2.0, 3.0), 1.0, ((1.0, 2.0), (1.0, 0.0)))),
+        *((name, {of: size}, ValueError, rf"{of} is of size 1e.300, but must be zero or")
+          for name, of in SIZED for size in (1e-300, 1e300)),
+        *(("rough", {"seed": seed}, error, f"seed is {seed!r}, but must be an integer of at")
+          for seed, error in ((-1, ValueError), (1.5, TypeError), ("a", TypeError))),
+        ("rough", {"hurst": 0.0}, ValueError, "hurst is"),
+        ("rough", {"longest": 1.0, "shortest": 0.9}, ValueError, "no wavelength"),
+        ("rough", {"rms": 0.0}, ValueError, "rms is"),
+        ("sphere", {"radius": -1.0}, ValueError, "radius is"),
+        ("sphere", {"shape": 4}, ValueError, r"shape is 4, but must be \(n1, n2\)"),
+        ("sphere", {"shape": (-4, 4)}, ValueError, "shape is -4, but must be at least 1"),
+        ("sphere", {"shape": (4.0, 4)}, TypeError, "shape is 4.0, but must be an integer"),
+    ],
+)  # fmt: skip
+def test_surfaces_refuse_what_makes_no_sense(name, change, error, message):
+    given = {"shape": (16, 16), "element": (1.0, 1.0)} | MAKE[name] | change
+    with pytest.raises(error, match=message):
+        getattr(surfaces, name)(**given)

@@ -323,26 +323,3 @@ def test_a_wavy_surface_touches_at_its_crests():
     assert_complementary(contact)
     assert contact.contact[gap < 0.0005].all()
     assert_allclose(contact.pressure, contact.pressure[::-1, ::-1], atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "options", [{"hurst": 0.0}, {"longest": 1.0, "shortest": 0.9}, {"rms": 0.0}]
-)
-def test_surfaces_refuse_what_makes_no_sense(options):
-    with pytest.raises(ValueError, match=r"hurst is|no wavelength|rms is"):
-        surfaces.rough((8, 8), (1.0, 1.0), **({"rms": 1.0} | options))
-    with pytest.raises(ValueError, match="radius is"):
-        surfaces.sphere((8, 8), (1.0, 1.0), radius=-1.0)
-
-
-@pytest.mark.parametrize(
-    ("shape", "error", "message"),
-    [
-        (4, ValueError, r"shape is 4, but must be \(n1, n2\)"),
-        ((-4, 4), ValueError, "shape is -4, but must be at least 1"),
-        ((4.0, 4), TypeError, "shape is 4.0, but must be an integer"),
-    ],
-)
-def test_surfaces_refuse_other_shapes(shape, error, message):
-    with pytest.raises(error, match=message):
-        surfaces.sphere(shape, (1.0, 1.0), radius=1.0)
