@@ -33,6 +33,9 @@ def test_points_of_a_curve_are_those_alone():
     assert_allclose(curve.force[1], alone.force, atol=1e-6 * np.linalg.norm(alone.force))
     assert_allclose(curve.moment[1], alone.moment, atol=1e-6)
     assert curve.products.shape == curve.power.shape == (3,)
+    guessed = creep_curve(g, alone.element, longitudinal=[0.05], guess=alone, **case)
+    assert guessed.products[0] < alone.products
+    assert_allclose(guessed.force[0], alone.force, rtol=1e-6)
 
 
 def test_points_on_fine_lines_take_as_many_products_as_alone():
@@ -51,14 +54,6 @@ def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
     assert_allclose(curve.creepages, [[-0.05, 0.0, 0.0], [-0.05, 0.02, 0.0]])
     assert_allclose(back.force[::-1], curve.force, atol=1e-7 * g.sum() * 0.03)
     assert curve.force[0, 1] == 0.0
-
-
-def test_a_curve_starts_from_a_guess():
-    g, alone = circle(24, (0.05, 0.02, 0.1))
-    case = {"material": Material.from_shear(1.0, 0.25), "lateral": 0.02, "spin": 0.1}
-    curve = creep_curve(g, alone.element, longitudinal=[0.05], guess=alone, **case)
-    assert curve.products[0] < alone.products
-    assert_allclose(curve.force[0], alone.force, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
