@@ -10,7 +10,7 @@ import scipy.sparse.linalg
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
-from tests.systems import count_iterations
+from tests.systems import count_iterations, seeded
 
 DTYPES = [np.float32, np.float64, np.complex64, np.complex128]
 
@@ -25,9 +25,7 @@ def matrix(n, dtype=np.float64):
 
 
 def vector(n, dtype=np.float64, seed=1):
-    rng = np.random.default_rng(seed)
-    b = rng.standard_normal(n)
-    return (b + 1j * rng.standard_normal(n) if np.dtype(dtype).kind == "c" else b).astype(dtype)
+    return seeded(n, dtype=dtype, seed=seed)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
