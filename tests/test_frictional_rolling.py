@@ -132,8 +132,6 @@ def test_a_ball_creeps_too_and_a_slip_that_is_given_adds():
 @pytest.mark.parametrize(
     ("change", "error", "match"),
     [
-        ({"mu": -1.0}, ValueError, "mu is -1, but"),
-        ({"approach": 1.0}, ValueError, "one of the two must be given"),
         ({"longitudinal": 1e-3}, ValueError, "only one of the two can be given"),
         ({"tangential_force": 1.0}, ValueError, "force is of size 1, but must be less"),
         ({"spin": 1.0}, ValueError, "line contact has longitudinal and lateral creepage only"),
