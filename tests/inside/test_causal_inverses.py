@@ -143,23 +143,25 @@ def test_lengths_are_no_longer_than_all_lags():
 
 def eigenvalues_on_runs(area, i):
     """Those of the approximate inverse on an area times the matrix of rolling, of a component."""
-    A, K = influence_matrix("xy", area.shape, (0.5, 0.8), BODY), rolling_on(area.shape)
-    inverse, m = InverseOnRuns(A.component(i), area, np.float64), np.count_nonzero(area)
+    K, longer = rolling_on(area.shape), (area.shape[0] + 1, area.shape[1])
+    A, m = influence_matrix("xy", longer, (0.5, 0.8), BODY), np.count_nonzero(area)
+    inverse = InverseOnRuns(A.component(i), area, np.float64)
     units = np.zeros((m, *area.shape))
     units[:, area] = np.eye(m)
     P = np.array([inverse(unit)[area] for unit in units]).T
     return np.linalg.eigvals(P @ (MaskedOperator(K.component(i), area) @ np.eye(m)))
 
 
-@pytest.mark.parametrize("i", [0, 1])
-def test_on_one_run_of_elements_the_inverse_is_exact(i):
+@pytest.mark.parametrize("rows", [slice(1, 13), slice(0, 16), slice(4, 5)])
+def test_on_one_run_of_elements_the_inverse_is_exact(rows):
     area = np.zeros((16, 5), bool)
-    area[1:13, 2] = True
-    assert_allclose(eigenvalues_on_runs(area, i), 1.0, atol=1e-11)
+    area[rows, 2] = True
+    for i in range(2):
+        assert_allclose(eigenvalues_on_runs(area, i), 1.0, atol=1e-11)
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8, 1.0])
 def test_on_a_fragmented_area_corrections_by_the_inverse_converge(share):
-    area = np.random.default_rng(0).random((24, 20)) < share
+    area = np.random.default_rng(0).random((18, 14)) < share
     for i in range(2):
         assert np.abs(eigenvalues_on_runs(area, i) - 1.0).max() < 0.9

@@ -265,7 +265,8 @@ class Grid:
 
     def invert_on_runs(self, C: Mask, dtype: DTypeLike) -> tuple[Any, ...]:
         """Return approximate inverses of the components of that matrix on a fragmented area."""
-        A = self.tangential()
+        longer = replace(self, shape=(self.shape[0] + 1, *self.shape[1:]))
+        A = longer.tangential()
         return tuple(InverseOnRuns(A.component(i), C, dtype) for i in range(self.components))
 
     @keep

@@ -29,13 +29,14 @@ from toeplitz_mg.preconditioners.choice import quick_fsai
 class InverseOnRuns:
     """The approximate inverse of A times differences along the first axis, on an area.
 
-    It is exact where the area is one run that ends within the grid, and F = A⁻¹.
+    It is exact where the area is one run, and F = A⁻¹.
 
     Parameters
     ----------
     A : ToeplitzOperator
-        Of two axes, symmetric positive definite.
-    area : ndarray of bool, of the shape of the grid
+        Symmetric positive definite, on a grid that is one element longer along the first axis than
+        that of the area: so there is one behind each run, at the end of the grid too.
+    area : ndarray of bool, of shape (n1, n2)
     dtype : float32 or float64
         The precision in which FSAI is applied.
 
@@ -46,42 +47,37 @@ class InverseOnRuns:
     """
 
     def __init__(self, A: ToeplitzOperator, area: Mask, dtype: DTypeLike) -> None:
-        behind, leads = np.zeros_like(area), area.copy()
-        behind[:-1] = area[1:] & ~area[:-1]
-        leads[:-1] &= ~area[1:]
-        both = area | behind
+        longer = np.pad(area, ((1, 0), (0, 0)))
+        leads, behind = longer.copy(), np.zeros_like(longer)
+        leads[:-1] &= ~longer[1:]
+        behind[:-1] = longer[1:] & ~longer[:-1]
+        both = longer | behind
         self._F, self._dtype = quick_fsai(MaskedOperator(A, both), dtype=dtype), np.dtype(dtype)
-        self._shape, self._cells = area.shape, np.flatnonzero(both)
+        self._cells, self._count = np.flatnonzero(area), np.count_nonzero(both)
+        self._inside, self._behind = np.flatnonzero(longer[both]), np.flatnonzero(behind[both])
         # The numbers of these elements, run by run, each from its leading end to what is behind it.
-        number = np.zeros(area.shape, np.intp)
-        number[both] = np.arange(len(self._cells))
+        number = np.zeros(longer.shape, np.intp)
+        number[both] = np.arange(self._count)
         backwards = both[::-1].T
         self._order = number[::-1].T[backwards]
         self._leads = np.flatnonzero(leads[::-1].T[backwards])
-        self._lengths = np.diff(self._leads, append=len(self._order))
-        self._behind = np.flatnonzero(behind[both])
+        self._lengths = np.diff(self._leads, append=self._count)
         signs = np.random.default_rng(0).choice([-1.0, 1.0], len(self._behind))
-        # An area that goes on to the end of the grid has nothing behind it.
-        self._response = float(signs @ self._sum(self._spread(signs))[self._behind])
-        self._response /= max(len(signs), 1)
+        F_signs = self._invert(self._behind, signs)
+        self._response = float(signs @ self._sum(F_signs)[self._behind]) / len(signs)
 
     def __call__(self, r: Array) -> Array:
-        """Return the field on the area that a field, where it is on the area, is the image of."""
-        f = r.reshape(-1)[self._cells].astype(self._dtype, copy=False)
-        f[self._behind] = 0.0
-        w = apply_to_rows(self._F, f)
-        if len(self._behind):
-            w += self._spread(-self._sum(w)[self._behind] / self._response)
-        q = self._sum(w)
-        q[self._behind] = 0.0
-        field = np.zeros(self._shape, self._dtype)
-        field.reshape(-1)[self._cells] = q
+        """Return the field on the area that K takes to a given one there."""
+        w = self._invert(self._inside, r.reshape(-1)[self._cells])
+        w += self._invert(self._behind, -self._sum(w)[self._behind] / self._response)
+        field = np.zeros(r.shape, self._dtype)
+        field.reshape(-1)[self._cells] = self._sum(w)[self._inside]
         return field
 
-    def _spread(self, beta: Array) -> Array:
-        """Return FSAI of displacements behind the runs."""
-        f = np.zeros(len(self._cells), self._dtype)
-        f[self._behind] = beta
+    def _invert(self, where: Array, values: Array) -> Array:
+        """Return FSAI of displacements at some elements."""
+        f = np.zeros(self._count, self._dtype)
+        f[where] = values
         return apply_to_rows(self._F, f)
 
     def _sum(self, w: Array) -> Array:
