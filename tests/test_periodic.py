@@ -395,3 +395,19 @@ def test_long_elements_obey_the_conditions_of_contact(aspect, pressure):
         slack = 1e-7 * max(np.ptp(open_), np.ptp(gap))
         assert np.abs(open_[p > 0.0] - touching).max() <= slack
         assert open_.min() >= touching - slack
+
+
+@doubtful
+@pytest.mark.parametrize("n", [40, 700])  # Few elements are solved directly.
+@pytest.mark.parametrize("is_plane", [True, False])
+def test_tractions_of_two_components_on_strips_are_those_of_rows_of_a_surface(n, is_plane):
+    g, force = np.where(np.arange(n) % 40 < 30, 1.0, 0.0), n * np.array([0.1, 0.15])
+    shape, element = ((n, 2), 0.5) if is_plane else ((n, 1), (0.5, 3.0))
+    periodic, width = (True, is_plane), 1.0 if is_plane else 3.0  # Of the rows of the strips.
+    line = friction(g, element, material=UNIT, force=width * force, periodic=True)
+    bound, force = np.broadcast_to(g[:, None], shape), 3.0 * shape[1] * force
+    surface = friction(bound, (0.5, 3.0), material=UNIT, force=force, periodic=periodic)
+    assert line.slip.any()
+    assert_allclose(line.traction, surface.traction[:, :, 0], rtol=0, atol=1e-6)
+    scale = np.abs(line.displacement).max()
+    assert_allclose(line.displacement, surface.displacement[:, :, 0], rtol=0, atol=1e-6 * scale)

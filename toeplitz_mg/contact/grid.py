@@ -221,7 +221,7 @@ class Grid:
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
         if any(self.periodic):
-            return self._waves.tangential()
+            return self._waves.tangential(self.directions)
         return self._matrix(0)
 
     @keep
@@ -245,6 +245,8 @@ class Grid:
 
     def dense(self, contact: Mask, *, steady: bool) -> DenseMatrix | None:
         """Return the matrix of shifted bodies, or of steady rolling, as an array if it is small."""
+        if contact.all() and self.has_free_mean:
+            return None  # It is singular: a mean traction displaces nothing.
         if self.is_small and 0 < self.components * np.count_nonzero(contact) <= DENSE:
             return self._dense(contact.tobytes(), steady)
         return None

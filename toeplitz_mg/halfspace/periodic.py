@@ -88,11 +88,14 @@ class Waves:
         eigenvalues.flat[0] = np.inf
         return self._operator(1.0 / eigenvalues, is_scaled=True)
 
-    def tangential(self) -> ToeplitzOperator | CoupledOperator:
-        """Return the matrix of tangential contact."""
+    def tangential(self, directions: str) -> ToeplitzOperator | CoupledOperator:
+        """Return the matrix of tangential contact, of tractions along "x" or "xy"."""
         if len(self.shape) == 1:
             # In plane strain both have the same coefficients.
-            return self._matrix("zz" if len(self.element) == 1 else "xx")[0]
+            first = self._matrix("zz" if len(self.element) == 1 else "xx")[0]
+            if directions == "x":
+                return first
+            return CoupledOperator([[first, None], [None, self._matrix("yy")[0]]])
         xx, xy, yy = (self._eigenvalues(directions) for directions in ("xx", "xy", "yy"))
         product = DiagonalisedProduct(
             np.array([[xx, xy], [xy, yy]]), self._lengths, (2, *self.shape)
@@ -199,7 +202,7 @@ def periodic_eigenvalues(
     element : tuple of float
         Their size, mm.
     directions : str
-        Of the displacement and of the traction: "zz" is normal; on two axes also "xx", "xy", "yy".
+        Of the displacement and of the traction: "zz" is normal, "xx", "xy" and "yy" are tangential.
     G, nu : float
         Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
 
@@ -231,7 +234,7 @@ def periodic_eigenvalues(
         2.0 * np.pi * (fft.rfftfreq if axis == last else fft.fftfreq)(n, h)
         for axis, (n, h) in enumerate(zip(shape, element, strict=False))
     ]
-    waves = np.meshgrid(*along, indexing="ij", sparse=True)
+    waves = [*np.meshgrid(*along, indexing="ij", sparse=True), 0.0]  # Along y of one axis is none.
     q = np.sqrt(sum(k**2 for k in waves))
     q.flat[0] = np.inf
     factor = np.array(1.0 - nu)
