@@ -108,7 +108,7 @@ class TangentialResult(GridResult):
     element: Annotated[tuple[float, ...], Quantity("mm")]
     centres: tuple[Array, ...]
     traction: Annotated[Array, Quantity("N/mm²", VECTORS, shades="Blues Oranges")]
-    slip: Annotated[Array, Quantity("slip", VECTORS, shades="Oranges")]
+    slip: Annotated[Array, Quantity("slip", VECTORS, beyond="nan", shades="Oranges")]
     displacement: Annotated[Array, Quantity("mm", VECTORS, label=TOGETHER, shades="Greens")]
     bound: Annotated[Array, Quantity("N/mm²", "grid", beyond="inf")]
     contact: Annotated[Array, Quantity("1", "grid", "b")]
@@ -123,7 +123,7 @@ class TangentialResult(GridResult):
     total_shift: Annotated[Any, Quantity("mm", f"2 | {VECTORS}")] = None
     creepages: Annotated[Any, Quantity("creepages", "3", beyond="nan")] = None
     moment: Annotated[float | None, Quantity("N mm")] = None
-    power: Annotated[float, Quantity("loss")] = 0.0
+    power: Annotated[float, Quantity("loss", beyond="nan")] = 0.0
     products: int = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
