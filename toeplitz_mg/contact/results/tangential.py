@@ -177,9 +177,10 @@ class TangentialResult(GridResult):
             Figure("moment", None if self.moment is None else moment, "N mm"),
             Figure(name, self.power, unit),
         )
+        is_field = np.size(self.shift) > 2 or np.ndim(self.shift) > 1  # It may be of one element.
         return list_figures(
             self, "force", Figure("creepages", creepages), Figure("spin", spin, "1/mm"),
-            Figure("shift", "a field" if np.size(self.shift) > 2 else self.shift, "mm"),
+            Figure("shift", "a field" if is_field else self.shift, "mm"),
             *(lost if is_rolling else ()), "area", "stick_area",
             *(() if is_rolling else lost), "energy",
         )  # fmt: skip
