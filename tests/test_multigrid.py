@@ -565,6 +565,7 @@ PART = tmg.MaskedOperator(LINE, np.arange(600) < 500)
         (LINE, {"coarsen": lambda A: np.eye(300)}, TypeError, "must be a ToeplitzOperator"),
         (LINE, {"smoother": lambda A: np.eye(2)}, ValueError, r"smoother has shape \(2, 2\)"),
         (LINE, {"smoother": lambda A: None}, TypeError, "type not understood"),
+        (LINE, {"smoother": LINE}, TypeError, "must be a function of the matrix of a level"),
         (tmg.ToeplitzOperator([1.0, 2.0]), {}, np.linalg.LinAlgError, "coarsest grid, .*not pos"),
         # It would make a cycle for a real matrix complex.
         (LINE, {"smoother": lambda A: 1j * np.eye(600)}, TypeError, "complex128, but its"),

@@ -131,8 +131,12 @@ def multigrid(
         count(name, value, least)
     if pre + post == 0:
         raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
-    if not (smoother is None or callable(smoother)):
-        raise TypeError(f"smoother is {smoother!r}, but must be a function of a matrix")
+    # An operator can be called too: it multiplies.
+    if not (smoother is None or callable(smoother)) or isinstance(smoother, LinearOperator):
+        raise TypeError(
+            f"smoother is {smoother!r}, but must be a function of the matrix of a level, as "
+            "fft_rsm_preconditioner is"
+        )
     if not isinstance(interpolation, Interpolation):
         raise TypeError(f"interpolation is {interpolation!r}, but must be an Interpolation")
     if not (coarsen is None or callable(coarsen)):
