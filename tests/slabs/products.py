@@ -363,11 +363,11 @@ def test_wrong_vectors_and_masks_are_refused_by_all(comm):
     other = slabs.ToeplitzOperator(A.c, slabs.Slab(comm, (12, 8)))
     text = "the blocks live on several slabs"
     refuses(comm, ValueError, text, lambda: slabs.CoupledOperator([[A, None], [None, other]]))
-    text = "blocks has 1 rows of [2] blocks"
+    text = "blocks has rows of lengths [2], but must be a square array"
     refuses(comm, ValueError, text, lambda: slabs.CoupledOperator([[A, A]]))
     for wrong in ([A, A], [[A, 3], [3, A]], [A, [A]]):
         blocks = wrong if is_last else [[A, None], [None, A]]
-        text = f"rank {last}: blocks is ["
+        text = f"rank {last}: blocks" + ("[0][1] is a int" if wrong[0] is not A else " is [")
         refuses(comm, TypeError, text, lambda blocks=blocks: slabs.CoupledOperator(blocks))
     for wrong in (3, [], [3], "xx"):
         text = f"blocks is {wrong!r}, but must have rows of ToeplitzOperator"

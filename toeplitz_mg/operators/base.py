@@ -251,7 +251,7 @@ class MatrixOperator(GridOperator):
     ``_cast`` to another precision, and the ``_transposed`` of complex matrices.
     """
 
-    def astype(self, dtype: DTypeLike) -> Any:
+    def astype(self: Any, dtype: DTypeLike) -> Any:
         """Return the matrix in another precision, or itself where it has that one.
 
         Parameters
@@ -259,11 +259,10 @@ class MatrixOperator(GridOperator):
         dtype : dtype
             float32 or float64; of a complex matrix complex64 or complex128.
         """
-        dtype = check_precision(dtype, self.dtype)
-        if self.dtype == dtype:
-            return self
-        self.library.require("dtype", dtype)
-        return self._cast(dtype)
+        with self.ranks.agree() as same:
+            same["dtype"] = dtype = check_precision(dtype, self.dtype)
+            self.library.require("dtype", dtype)
+        return self if self.dtype == dtype else self._cast(dtype)
 
     def toarray(self) -> Array:
         """Return the matrix as a dense array of shape (N, N), without any transform."""

@@ -91,13 +91,7 @@ class CoupledOperator(MatrixOperator):
         *,
         product: Any = None,
     ) -> None:
-        try:
-            rows = tuple(map(tuple, blocks))
-        except TypeError:
-            raise TypeError(
-                f"blocks is {blocks!r}, but must have rows, as [[xx, xy], [xy, yy]]"
-            ) from None
-        _check_blocks(rows)
+        rows = read_blocks(blocks, _check_block)
         given = [block for row in rows for block in row if block is not None]
         dtype = np.result_type(*(block.dtype for block in given))
         library = given[0].library
@@ -221,33 +215,45 @@ class CoupledOperator(MatrixOperator):
         return f"<CoupledOperator of {len(self.blocks)} components, {size}>"
 
 
-def _check_blocks(blocks: tuple[tuple[ToeplitzOperator | None, ...], ...]) -> None:
-    if not blocks or any(len(row) != len(blocks) for row in blocks):
-        lengths = [len(row) for row in blocks]
+def read_blocks(blocks: Any, check: Callable[[str, Any, Any], None]) -> tuple[Any, ...]:
+    """Return the rows of an array of blocks, or say what is wrong with it.
+
+    What `check` is called with is the name of a block, the block, and the first one.
+    """
+    try:
+        rows = tuple(map(tuple, blocks))
+    except TypeError:
+        raise TypeError(
+            f"blocks is {blocks!r}, but must have rows, as [[xx, xy], [xy, yy]]"
+        ) from None
+    if not rows or any(len(row) != len(rows) for row in rows):
+        lengths = [len(row) for row in rows]
         raise ValueError(f"blocks has rows of lengths {lengths}, but must be a square array")
     first = None
-    for i, row in enumerate(blocks):
-        for kind, line in (("row", row), ("column", [other[i] for other in blocks])):
+    for i, row in enumerate(rows):
+        for kind, line in (("row", row), ("column", [other[i] for other in rows])):
             if all(block is None for block in line):
                 raise ValueError(
                     f"{kind} {i} of the blocks is zero, but the matrix must not be singular"
                 )
         for j, block in enumerate(row):
-            if block is None:
-                continue
-            require_serial(f"blocks[{i}][{j}]", block)
-            if not isinstance(block, ToeplitzOperator):
-                raise TypeError(
-                    f"blocks[{i}][{j}] is a {type(block).__name__}, but must be a ToeplitzOperator "
-                    "or None"
-                )
-            first = first or block
-            first.library.read(f"c of blocks[{i}][{j}]", block.c)
-            if block.grid_shape != first.grid_shape:
-                raise ValueError(
-                    f"blocks[{i}][{j}] lives on the grid {block.grid_shape}, but another on "
-                    f"{first.grid_shape}"
-                )
+            if block is not None:
+                first = first or block
+                check(f"blocks[{i}][{j}]", block, first)
+    return rows
+
+
+def _check_block(name: str, block: Any, first: Any) -> None:
+    require_serial(name, block)
+    if not isinstance(block, ToeplitzOperator):
+        raise TypeError(
+            f"{name} is a {type(block).__name__}, but must be a ToeplitzOperator or None"
+        )
+    first.library.read(f"c of {name}", block.c)
+    if block.grid_shape != first.grid_shape:
+        raise ValueError(
+            f"{name} lives on the grid {block.grid_shape}, but another on {first.grid_shape}"
+        )
 
 
 def _each(rows: Iterable[Iterable[Any]], function: Callable[[Any], Any]) -> list[list[Any]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.operators import coupled
-from toeplitz_mg.operators.coupled import asymmetries, symmetrise
+from toeplitz_mg.operators.coupled import asymmetries, read_blocks, symmetrise
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.product import SlabProduct
 from toeplitz_mg.slabs.slab import Slab
@@ -35,35 +35,23 @@ class CoupledOperator(SlabOperator):
     def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:
         slab = _find_slab(blocks)
         if slab is None:
-            raise _not_blocks(blocks)
+            raise TypeError(
+                f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
+                "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
+            )
         with slab.agree() as same:
-            if not all(isinstance(row, Sequence) for row in blocks):
-                raise _not_blocks(blocks)
-            self.blocks = tuple(map(tuple, blocks))
-            components = len(self.blocks)
-            given = [block for row in self.blocks for block in row if block is not None]
-            if not all(isinstance(block, ToeplitzOperator) for block in given):
-                raise _not_blocks(blocks)
-            library = given[0].library
-            same["which blocks there are"] = [[b is not None for b in row] for row in self.blocks]
-            if any(len(row) != components for row in self.blocks):
-                raise ValueError(
-                    f"blocks has {components} rows of {[len(row) for row in self.blocks]} blocks, "
-                    "but must be square"
-                )
-            if any(block.slab is not slab for block in given):
-                raise ValueError("the blocks live on several slabs, but must live on one")
-            for block in given:
-                if block.library is not library:
-                    refuse_mixed("a block", block.library.name, library.name)
+            rows = read_blocks(blocks, _check_block)
+            given = [block for row in rows for block in row if block is not None]
+            same["which blocks there are"] = [[b is not None for b in row] for row in rows]
             same["the dtypes of the blocks"] = [block.dtype.name for block in given]
             same["which blocks are one operator"] = [given.index(block) for block in given]
         dtype = np.result_type(*(block.dtype for block in given))
         # Preconditioners of a block are those of its own precision.
-        rows = [[block and block.astype(dtype) for block in row] for row in self.blocks]
-        rows, self.is_symmetric = symmetrise(rows, dtype, Transposes())
-        self.blocks = tuple(map(tuple, rows))
-        super().__init__(slab, dtype, (components, *slab.local), library=library)
+        cast_rows = [[block and block.astype(dtype) for block in row] for row in rows]
+        cast_rows, self.is_symmetric = symmetrise(cast_rows, dtype, Transposes())
+        self.blocks = tuple(map(tuple, cast_rows))
+        library = given[0].library
+        super().__init__(slab, dtype, (len(rows), *slab.local), library=library)
         spectra = [[block and block.spectrum for block in row] for row in self.blocks]
         self.product = SlabProduct(slab, library, spectra, self.dtype)
 
@@ -97,11 +85,16 @@ def _find_slab(blocks: Any) -> Slab | None:
     return next((slab for part in parts if (slab := _find_slab(part)) is not None), None)
 
 
-def _not_blocks(blocks: Any) -> TypeError:
-    return TypeError(
-        f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of toeplitz_mg.slabs, or "
-        "None, as [[xx, xy], [xy, yy]]"
-    )
+def _check_block(name: str, block: Any, first: Any) -> None:
+    if not isinstance(block, ToeplitzOperator):
+        raise TypeError(
+            f"{name} is a {type(block).__name__}, but must be a ToeplitzOperator of "
+            "toeplitz_mg.slabs, or None"
+        )
+    if block.slab is not first.slab:
+        raise ValueError("the blocks live on several slabs, but must live on one")
+    if block.library is not first.library:
+        refuse_mixed(name, block.library.name, first.library.name)
 
 
 class Transposes(coupled.Transposes):

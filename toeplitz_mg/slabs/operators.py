@@ -19,7 +19,8 @@ from toeplitz_mg import operators
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.products import NEAR_ONE
-from toeplitz_mg.operators.coefficients import check_finite, check_precision, require_digits
+from toeplitz_mg.operators.base import MatrixOperator
+from toeplitz_mg.operators.coefficients import check_finite, require_digits
 from toeplitz_mg.operators.masked import check_booleans
 from toeplitz_mg.slabs.product import SlabProduct, embed_on_slab
 from toeplitz_mg.slabs.slab import Slab, require_slab
@@ -101,12 +102,7 @@ class SlabOperator:
             return self.apply(vector)
         return self.apply(vector / peak) * peak
 
-    def astype(self, dtype: DTypeLike) -> Any:
-        """Return the matrix in another precision, the same on all ranks; itself if it has that."""
-        with self.slab.agree() as same:
-            same["dtype"] = dtype = check_precision(dtype, self.dtype)
-            self.library.require("dtype", dtype)
-        return self if self.dtype == dtype else self._cast(dtype)
+    astype = MatrixOperator.astype
 
     def _cast(self, dtype: np.dtype[Any]) -> Any:
         raise TypeError(
