@@ -29,7 +29,8 @@ def multigrid(
     Parameters
     ----------
     A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
-        Symmetric positive definite, of any number of axes, of any size.
+        Symmetric positive definite, of any number of axes, of any size. The cycle of a sum is that
+        of a Toeplitz matrix that stands for it, scaled: use `cg` then, as `richardson` may diverge.
     smoother : callable, optional
         Maps the matrix of a level to an approximate inverse S, a LinearOperator; a smoothing step
         is x ← x + S (b - A x). Any preconditioner of this package, or a function of one's own. By
