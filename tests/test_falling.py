@@ -1,12 +1,16 @@
 """Friction that falls with the slip: its bound belongs to its slip."""
 
+import re
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from tests.budgets import assert_within_budget
 from tests.test_friction import doubtful
 from tests.test_rolling import assert_rolls, carter, circle
 from toeplitz_mg.contact import ContactError, ContactWarning, Material, rolling
+from toeplitz_mg.halfspace import influence_matrix
 
 MATERIAL = Material.from_shear(1.0, 0.25)
 STIFFNESS = 1.38  # Of an element of `circle`, square and ν = 1/4, over G.
@@ -19,9 +23,9 @@ def assert_bound(result, g, falling, material=MATERIAL):
     assert_rolls(result, material)
 
 
-@pytest.mark.parametrize(("fall", "rise"), [(0.5, None), (0.9, None), (None, 0.5), (None, 2.0)])
+@pytest.mark.parametrize(("fall", "rise"), [(0.2, None), (0.4, None), (None, 0.5), (None, 2.0)])
 def test_the_bound_is_that_of_the_slip(fall, rise):
-    """Up to friction that falls nearly as fast, or rises twice as fast, as an element is stiff."""
+    """Up to friction that falls nearly as fast as bodies resist, or rises faster."""
     g, constant = circle(24, (0.1, 0.0, 0.1))
     slope = (rise or 0.0) * STIFFNESS / g.max()
     falling = steep(fall) if rise is None else lambda s: 1.0 + slope * s
@@ -51,35 +55,22 @@ def steep(fall, least=0.5):
     return lambda s: least + (1.0 - least) * np.exp(-s / scale)
 
 
-def test_the_stiffness_of_an_element_is_what_its_own_traction_slips_by():
-    # Of a square, without Poisson's ratio: the integral of 1/r over it, and over its neighbour.
-    h, edge = 2.0 / 24, 2.0 * np.arcsinh(1.0)
-
-    def potential(a, b):  # The integral over x, y from the origin to a, b.
-        return a * np.arcsinh(b / a) + b * np.arcsinh(a / b)
-
-    own = 4.0 * potential(h / 2, h / 2)
-    ahead = 2.0 * (potential(1.5 * h, h / 2) - potential(h / 2, h / 2))
-    assert_allclose(own, 2.0 * h * edge)
-    stiffness = h * np.pi * 3.0 / (own - ahead)
-    g, _ = circle(24, (0.1, 0.0, 0.0))
-    case = {"material": Material.from_shear(3.0, 0.0), "longitudinal": 0.1, "falling": steep(20.0)}
-    with pytest.warns(ContactWarning, match=f"an element resists by {stiffness:.3g} only"):
-        rolling(g, (h, h), **case)
-
-
-def test_friction_steeper_than_an_element_is_stiff_is_found_and_doubted():
-    with pytest.warns(ContactWarning, match="an element resists by 1.38 only: there may be other"):
+def test_friction_that_falls_by_more_than_bodies_resist_is_found_and_doubted():
+    """They resist least on the wavelength on which a change of tractions slips most."""
+    shape, element = (24, 24), (2.0 / 24,) * 2
+    with pytest.warns(ContactWarning, match="there may be other answers") as told:
         g, result = circle(24, (0.1, 0.0, 0.1), falling=steep(20.0))
-    assert "there may be other answers" in result.warnings[0]
     assert_bound(result, g, steep(20.0))
+    resists = float(re.search(r"the bodies resist by (\S+) only", str(told[0].message))[1])
+    A, S = (influence_matrix("xy", shape, element, MATERIAL, ahead=k) for k in (0, 1))
+    largest = np.linalg.eigvalsh((A - S + (A - S).T).toarray())[-1] / 2.0
+    assert 0.95 * element[0] / largest < resists < element[0] / largest
 
 
 @doubtful
 @pytest.mark.slow
 @pytest.mark.parametrize("steepness", [2.0, 5.0])
 def test_friction_that_falls_steeply_settles_on_fine_grids(steepness):
-    """Combined rounds lead astray there, and are no longer combined."""
     g, _ = circle(64, (1.0, 0.0, 0.0))
     scale = 0.5 * g.max() / (steepness * STIFFNESS)
 
@@ -103,6 +94,7 @@ def test_an_element_slides_slowly_or_fast_where_friction_falls_steeper_than_it_i
         assert_allclose(falling(np.hypot(*result.slip)), factor)  # Each is an answer.
 
 
+@doubtful
 @pytest.mark.parametrize("n", [128, 512])
 def test_friction_that_falls_from_a_higher_bound_has_the_same_tractions(n):
     """Those of Carter, where the bound at rest is higher by what it falls in their slip."""
@@ -124,17 +116,36 @@ def test_no_friction_at_all_where_it_slips_fast():
     assert_allclose(result.bound[slip > 1e-3], 0.0, atol=1e-9)
 
 
+def test_friction_that_falls_too_steeply_is_no_other_error():
+    """Between friction that elements slide slowly by, and hardly any, where they slide fast."""
+
+    def falls(s):
+        return np.maximum(0.0, 1.0 - s / 0.07)
+
+    with pytest.raises(ContactError, match="friction falls too steeply"):
+        circle(24, (0.1, 0.0, 0.1), falling=falls, max_products=200)
+
+
 def test_says_how_steep_friction_is_where_it_does_not_settle():
     """An element slips slowly by much friction and fast by little, which are those of the other."""
 
     def jumps(s):
         return np.where(s < 0.5 / STIFFNESS, 0.5, 1.0)
 
-    message = r"after .* rounds .* rises by up to .* an element resists by 1\.38"
     case = {"material": MATERIAL, "lateral": 1.25 / STIFFNESS}
-    with pytest.raises(ContactError, match=message) as caught:
+    with pytest.raises(ContactError, match=r"after .* jumps: it rises by up to") as caught:
         rolling(np.ones((1, 1)), (1.0, 1.0), falling=jumps, **case)
     assert caught.value.result.residual > 1e-8
+
+
+@pytest.mark.parametrize("k", [1e-2, 1e-5])
+def test_friction_that_rises_has_one_answer_however_steeply(k):
+    g, result = circle(32, (0.1, 0.0, 0.1), falling=lambda s: 1.0 + s / k)
+    assert_rolls(result, MATERIAL)
+    slides = result.sliding
+    slip = k * (result.bound[slides] / g[slides] - 1.0)
+    assert_allclose(np.hypot(*result.slip)[slides], slip, atol=1e-7)
+    assert_within_budget(f"rising friction {k:g}", products=result.products)
 
 
 @pytest.mark.parametrize(
@@ -194,25 +205,24 @@ def test_loads_that_no_slip_lets_friction_carry_are_refused():
 
 @pytest.mark.parametrize("across", [None, 0.0])
 @doubtful
-def test_the_nearest_load_is_named_where_products_run_out(across):
-    """Friction falls too soon for it to carry what it would without any slip."""
+def test_loads_that_friction_falls_too_soon_to_carry_are_refused(across):
+    """It would carry them without any slip."""
     given = {"falling": lambda s: 0.5 + 0.5 / (1.0 + s / 0.002), "max_products": 150}
     g, _ = circle(12, (0.0, 0.0, 0.0))
     most = g.sum() * (2.0 / 12) ** 2
-    with pytest.raises(ContactError, match=r"of a load is missing.* is the nearest") as refused:
+    message = r"of a load is missing.* is the nearest|friction falls too steeply"
+    with pytest.raises(ContactError, match=message):
         circle(12, (0.0, 0.0, 0.0), force=(-0.9 * most, across), **given)
-    result = refused.value.result
-    assert result.residual <= 1e-8
-    assert 0.4 * most < -result.force[0] < 0.9 * most
 
 
 def test_too_few_products_are_an_error_wherever_they_end():
     """In a round, or between two: then the tractions are right, for a bound of another slip."""
-    for most in range(12, 40):
+    _, found = circle(24, (0.1, 0.0, 0.1), falling=steep(0.4))
+    for most in range(2, found.products - 2):
         told = []
         case = {"progress": lambda products, _, told=told: told.append(products)}
         with pytest.raises(ContactError, match=r"after .* products") as caught:
-            circle(24, (0.1, 0.0, 0.1), falling=steep(0.9), max_products=most, **case)
+            circle(24, (0.1, 0.0, 0.1), falling=steep(0.4), max_products=most, **case)
         assert caught.value.result.residual > 1e-8
         assert caught.value.result.products <= most + 1
         assert max(told) <= most
@@ -224,7 +234,8 @@ def test_too_few_products_for_loads_are_an_error_wherever_they_end(given):
     _, expected = circle(16, (0.1, -0.05, 0.0), falling=oil)
     force = tuple(expected.force) if "y" in given else (expected.force[0], None)
     lateral = 0.0 if "y" in given else -0.05
-    for most in range(4, 40, 2):
+    _, found = circle(16, (0.0, lateral, 0.0), falling=oil, force=force)
+    for most in range(4, min(found.products, 40) - 2, 2):
         with pytest.raises(ContactError) as caught:
             circle(16, (0.0, lateral, 0.0), falling=oil, force=force, max_products=most)
         assert caught.value.result.products <= most + 1
@@ -232,12 +243,12 @@ def test_too_few_products_for_loads_are_an_error_wherever_they_end(given):
 
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_the_bound_is_that_of_the_slip_in_any_unit(unit):
-    case = {"longitudinal": 0.1, "spin": 0.1, "falling": steep(0.9)}
-    g, one = circle(24, (0.1, 0.0, 0.1), falling=steep(0.9))
+    case = {"longitudinal": 0.1, "spin": 0.1, "falling": steep(0.4)}
+    g, one = circle(24, (0.1, 0.0, 0.1), falling=steep(0.4))
     material = Material.from_shear(unit, 0.25)
     result = rolling(unit * g, one.element, material=material, **case)
     assert_allclose(result.traction, unit * one.traction, atol=1e-6 * unit * g.max())
-    assert_bound(result, unit * g, steep(0.9), material)
+    assert_bound(result, unit * g, steep(0.4), material)
 
 
 def test_friction_falls_beside_what_is_bonded():
@@ -245,13 +256,13 @@ def test_friction_falls_beside_what_is_bonded():
     bonded = (g > 0.0) & (np.arange(24)[:, np.newaxis] < 10)
     g[bonded] = np.inf
     case = {"material": MATERIAL, "longitudinal": 0.5}
-    result = rolling(g, (2.0 / 24,) * 2, falling=steep(0.5), **case)
+    result = rolling(g, (2.0 / 24,) * 2, falling=steep(0.4), **case)
     slides = result.sliding
     assert slides.any()
     assert not slides[bonded].any()
     assert np.isinf(result.bound[bonded]).all()
     slip = np.hypot(*result.slip)[~bonded]
-    assert_allclose(result.bound[~bonded], g[~bonded] * steep(0.5)(slip), atol=1e-7)
+    assert_allclose(result.bound[~bonded], g[~bonded] * steep(0.4)(slip), atol=1e-7)
 
 
 def test_loads_that_friction_carries_one_by_one_only_are_refused_together():

@@ -36,6 +36,13 @@ class Complement:
         gram = np.array([inner_products(fields, f, vectors) for f in self._added])
         self._inverse = _invert(gram) if len(fields) else np.zeros((0, 0))
 
+    def adding(self, added: Array) -> "Complement":
+        """Return the same by other fields that are added, which have these products with them."""
+        other = object.__new__(Complement)
+        other.__dict__.update(self.__dict__)
+        other._added = added
+        return other
+
     def astype(self, dtype: DTypeLike) -> "Complement":
         """Return the same with fields in another precision."""
         other = object.__new__(Complement)

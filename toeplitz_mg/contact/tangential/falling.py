@@ -1,178 +1,172 @@
-"""Friction that depends on the slip: a bound and the slip that belong to each other.
+"""Friction that depends on the slip: its slope is a part of Newton's method.
 
-The bound makes the tractions, these the slip, and the slip the bound: a fixed point, which there
-always is where friction has no jumps. Anderson's acceleration finds it. Repeating the three alone
-does not, from a fall on that is a fraction of the stiffness of an element: what slides disturbs
-what is behind it, and overshoots. Where friction rises with the slip, a larger bound leaves less
-slip: there a part of the way is gone, as if each element were alone.
+Where an element slides, with the traction n |q| against the slip σ, the law is |q| = G(σ). Of its
+slope over the stiffness of an element, γ = G'(σ) k₀, with k₀ the diagonal of K, the linear system
+has the row
 
-Where friction falls by more than that stiffness, an element may slide slowly with much friction, or
-fast with little, under the same tractions of the others: then there may be several answers, of
-which one is found.
+    k₀ n·dq + γ n·K dq = k₀ (G - |q|),
+
+divided by 1 + |γ|: without a slope the size of the traction is known, and where friction rises
+steeply it is the slip that is. So bound, slip and tractions are found at once.
+
+Friction that rises has one answer. Where it falls by more than bodies resist on any wavelength,
+there may be several: then the law is made steep step by step.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
-from toeplitz_mg.contact.products import Report
 from toeplitz_mg.contact.results import ContactError, TangentialResult
+from toeplitz_mg.contact.tangential.coulomb import Areas, along, direction, size
 from toeplitz_mg.values import in_range, numbers
 
-ROUNDS = 400  # Bounds that are tried: a dozen are usual.
-PATIENCE = 8  # Rounds without progress, after which they are no longer accelerated.
-# Rounds without progress thereafter, after which the bound goes a part of the way only, and which.
-STILL_PATIENT, PART = 40, 0.3
-PROGRESS = 0.5  # Factor of the least error so far, below which a new one is progress.
 LEAST = 1e-10  # Least factor of the bound: with none at all an element would be no contact.
 SLIPS = 32  # Slips between which the steepest fall is looked for.
 SMALLEST = 1e-4  # The least of them, over the largest.
+DIFFERENCE = 1e-7  # Relative change of the slip by which the slope is computed.
+FLAT = 1e-6  # γ below which the slip says nothing of the size of the traction.
+TURN = 2.0  # Largest change of a traction across itself, over its size.
+THIN = 1e-6  # Least |q| over the bound by which the slip is divided.
+LEAST_STEP = 1 / 16  # Least step of the law from constant friction on, over the whole.
 
 
-@dataclass
-class Rounds:
-    """Solutions one after the other, all of which together may take so many products.
+@dataclass(frozen=True)
+class SlipLaw:
+    """The bound of each element by its slip.
 
     Attributes
     ----------
-    roll : callable
-        Takes what is asked of the motion, a bound, a guess, the most products, and what is told
-        of them, and returns the result.
-    most : int
-        Products of all rounds together, beyond which they are taken for a failure.
-    report : Report
-    work : float
-        That of the rounds so far.
+    of_slip : callable
+        Takes the size of the slip over the distance rolled, and returns the bound.
+    h : float
+        The distance rolled in a step.
+    k0 : float
+        The diagonal of K.
+    part : float
+        That of the slip that friction depends on.
     """
 
-    roll: Callable[..., TangentialResult]
-    most: int
-    report: Report
-    work: float = 0.0
+    of_slip: Callable[[Array], Array]
+    h: float
+    k0: float
+    part: float = 1.0
 
-    def __call__(self, asked: Any, g: Array, guess: TangentialResult | None) -> TangentialResult:
-        """Return the result of one more bound, with the products and the work of all rounds."""
-        left = self.most - self.report.products
-        result = self.roll(asked, g, guess, left, self.report)
-        self.report.add(result.products, left)
-        self.work += result.work
-        return replace(result, products=self.report.products, work=self.work)
+    def at(self, s: Array) -> Array:
+        """Return the bound of elements that slip by s in a step."""
+        return self.of_slip(self.part / self.h * np.maximum(s, 0.0))
+
+    def slope(self, s: Array) -> Array:
+        """Return γ at the slip s."""
+        s = np.maximum(s, 0.0)
+        step = DIFFERENCE * (s + (float(s.max(initial=0.0)) or self.h))
+        with np.errstate(invalid="ignore"):  # Of bonded elements.
+            return np.nan_to_num(self.k0 * (self.at(s + step) - self.at(s)) / step)
+
+    def within(self, extend: Callable[[Array], Array], cut: Callable[[Array], Array]) -> Self:
+        """Return the law of fields that are extended to those of this one, and cut from them."""
+        of_slip = self.of_slip
+        return replace(self, of_slip=lambda s: cut(of_slip(extend(s))))
+
+    def change(self, now: Any, areas: Areas, q: Array, v: Array, g: Array) -> tuple[Array, Array]:
+        """Return tractions that change by v, to be scaled, and the sizes they are to have.
+
+        Where elements slide that is the bound of the slip that the linear system predicts.
+        """
+        n, rho, slide = now.law.T.n, size(q), areas.slide
+        along_n = along(v, n)
+        across = v - n * along_n
+        turn = np.minimum(1.0, TURN * rho / np.where(size(across) > 0.0, size(across), 1.0))
+        gamma, bound, s = now.law.slope, now.law.bound, along(now.law.minus_slip, n)
+        predicted = rho + along_n
+        flat = np.abs(gamma) <= FLAT
+        s = s + np.where(flat, 0.0, (predicted - bound) * self.k0 / np.where(flat, 1.0, gamma))
+        radius = np.where(gamma > 1.0, np.maximum(predicted, np.minimum(g, bound)), self.at(s))
+        return q + np.where(slide, across * turn, v), np.where(slide, radius, g)
 
 
-def fall(
-    rounds: Rounds,
-    asked: Any,
-    g: Array,
-    falling: Callable[[Array], ArrayLike],
-    stiffness: float,
-    guess: TangentialResult | None,
-    tolerance: float,
-    slip: Array | None = None,
-) -> TangentialResult:
-    """Return the result whose bound is `g` times the factor that belongs to its slip.
+def follow(find: Callable[..., Any], K: Any, problem: Any, loads: Any, guess: Any = None) -> Any:
+    """Return the state that is found, where friction falls steeply by steps from constant friction.
 
-    Parameters
-    ----------
-    rounds : Rounds
-        They solve for one bound after the other.
-    asked : tuple
-        What is asked of the motion.
-    g : ndarray
-        The bound of bodies that do not slip.
-    falling : callable
-        Takes the size of the slip, and returns the factor.
-    stiffness : float
-        The change of the traction of an element by which its slip changes by 1, N/mm².
-    guess : TangentialResult or None
-    tolerance : float
-        Of the bound, relative to the largest.
-    slip : ndarray, optional
-        The size of the slip that the first bound belongs to, instead of none.
+    `find` takes a problem, loads and a guess; K says when no product is left.
     """
+    law = problem.falling
+    state = find(problem, loads, guess)
+    is_over = law is None or state.residual <= problem.tolerance or len(loads.wanted)
+    if is_over or K.exhausted:
+        return state
+    part, step = 0.0, 1.0
+    last = find(replace(problem, falling=replace(law, part=0.0)), loads)
+    while step >= LEAST_STEP and not K.exhausted:
+        new = min(1.0, part + step)
+        less = replace(problem, falling=replace(law, part=new))
+        found = find(less, loads, (last.q, last.areas))
+        if found.residual > problem.tolerance:
+            step *= 0.5
+        elif new == 1.0:
+            return found
+        else:
+            last, part = found, new
+    # Where friction falls at once, all slides fast.
+    slide = (problem.g > 0.0) & np.isfinite(problem.g)
+    fast = direction(problem.b) * np.where(slide, law.at(size(problem.b)), 0.0)
+    if K.exhausted:
+        return state
+    return find(problem, loads, (fast, Areas((problem.g > 0.0) & ~slide, slide)))
+
+
+def examine(
+    result: TangentialResult, of_slip: Callable[[Array], Array], tolerance: float, K: Any
+) -> tuple[str, ...]:
+    """Return the doubt whether there is one answer only, or raise an error where none is found."""
+    is_one = result.slip.ndim == result.contact.ndim
+    s = np.abs(result.slip) if is_one else np.hypot(*result.slip)
+    falls, rises = _steepest(of_slip, s)
+    resists = result.element[0] / _largest_of_symbol(K.A)
+    slopes = (
+        f"friction falls by up to {falls:.3g} N/mm² where the slip grows by 1, but the bodies "
+        f"resist by {resists:.3g} only, on the wavelength on which they resist least"
+    )
+    if result.residual > tolerance and (falls > resists or not K.exhausted):
+        steep = f"friction falls too steeply: {slopes}"
+        if falls <= resists:
+            steep = f"friction jumps: it rises by up to {rises:.3g} N/mm² where the slip grows by 1"
+        raise ContactError(
+            f"after {result.products} products bound and slip belong to each other to "
+            f"{result.residual:.1e} only, but the tolerance is {tolerance:g}: {steep}",
+            result,
+        )
+    return (f"{slopes}: there may be other answers than this one",) if falls > resists else ()
+
+
+def _steepest(of_slip: Callable[[Array], Array], slip: Array) -> tuple[float, float]:
+    """Return by how much friction falls and rises at most where the slip grows by 1, up to it."""
+    largest = float(slip.max(initial=0.0))
+    inside = np.isfinite(of_slip(slip))
+    if not inside.any() or largest == 0.0:
+        return 0.0, 0.0
+    slips = np.array([0.0, *np.geomspace(SMALLEST, 1.0, SLIPS) * largest])
+    bounds = np.array([of_slip(np.full(slip.shape, s))[inside] for s in slips])
+    slopes = np.diff(bounds, axis=0) / np.diff(slips)[:, None]
+    return max(0.0, -float(slopes.min())), max(0.0, float(slopes.max()))
+
+
+def _largest_of_symbol(K: Any) -> float:
+    """Return the largest real part of the symbol of K: what slips most by its own tractions."""
+    blocks = [K.component(i) for i in range(len(K.blocks))] if hasattr(K, "blocks") else [K]
+    lengths = [fft.next_fast_len(2 * n - 1) for n in blocks[0].grid_shape]
+    return max(float(fft.rfftn(block.circulant(lengths)).real.max()) for block in blocks)
+
+
+def multiply(g: Array, falling: Callable[[Array], ArrayLike], s: Array) -> Array:
+    """Return g times the factor of the bound by the slip s, or say what is wrong with it."""
     if not callable(falling):
         raise TypeError(f"falling is {falling!r}, but must be a function of the slip, or None")
-    falls = (g > 0.0) & np.isfinite(g)  # Where the bodies are bonded they do not slip.
-    largest = float(np.max(g, where=falls, initial=0.0)) or 1.0
-    pairs: Pairs = []
-    bound = g.copy()
-    bound[falls] *= factor_of(falling, np.zeros(g.shape) if slip is None else slip)[falls]
-    least, left, part = np.inf, PATIENCE, 1.0
-    for _ in range(ROUNDS):
-        result = guess = rounds(asked, bound, guess)
-        s = size_of_slip(result)
-        x, y = bound[falls], g[falls] * factor_of(falling, s)[falls]
-        away = float(np.abs(y - x).max(initial=0.0)) / largest
-        if away <= tolerance or result.residual > tolerance or rounds.report.exhausted:
-            break
-        if away < PROGRESS * least:
-            least, left = away, PATIENCE if left > 0 else 0
-        else:
-            left -= 1
-        if left <= -STILL_PATIENT:
-            part = PART
-        elif left <= 0:  # Where friction falls steeply, pairs may lead astray.
-            pairs = []
-        # Where friction rises, a larger bound leaves less slip, which would overshoot.
-        pairs = extend(
-            pairs, x, x + part * (y - x) / (1.0 + _rise(falling, g, s)[falls] / stiffness)
-        )
-        bound = bound.copy()
-        bound[falls] = accelerate(pairs)
-    else:
-        raise ContactError(
-            f"after {ROUNDS} rounds of slip and friction the traction bound is off by {away:.1e} "
-            f"of the largest from that of the slip, but the tolerance is {tolerance:g}: where the "
-            f"slip grows by 1, friction falls by up to {_steepest(falling, g, falls, s):.3g} N/mm² "
-            f"and rises by up to {float(_rise(falling, g, s)[falls].max()):.3g}, and an element "
-            f"resists by {stiffness:.3g}, beyond which there may be several answers, or none is "
-            "found",
-            replace(result, residual=away),
-        )
-    steepest_fall = _steepest(falling, g, falls, s)
-    if steepest_fall > stiffness:
-        doubt = (
-            f"friction falls by up to {steepest_fall:.3g} N/mm² where the slip grows by 1, but an "
-            f"element resists by {stiffness:.3g} only: there may be other answers than this one"
-        )
-        result = replace(result, warnings=(*result.warnings, doubt))
-    return replace(result, residual=max(result.residual, away))
-
-
-def size_of_slip(result: TangentialResult) -> Array:
-    """Return the size of the slip in each element."""
-    assert result.slip is not None
-    is_one = result.slip.ndim == result.contact.ndim
-    return np.abs(result.slip) if is_one else np.hypot(*result.slip)
-
-
-def _rise(falling: Callable[..., Any], g: Array, s: Array) -> Array:
-    """Return by how much friction rises where the slip `s` grows by 1; zero where it falls."""
-    step = SMALLEST * float(s.max(initial=0.0)) or 1.0
-    rise: Array = g * (factor_of(falling, s + step) - factor_of(falling, s))
-    return np.maximum(rise / step, 0.0)
-
-
-def _steepest(falling: Callable[..., Any], g: Array, falls: Array, s: Array) -> float:
-    """Return by how much friction falls at most where the slip grows by 1, up to the slip `s`."""
-    largest = float(s.max(initial=0.0))
-    if not falls.any() or largest == 0.0:
-        return 0.0
-    slips = np.array([0.0, *np.geomspace(SMALLEST, 1.0, SLIPS) * largest])
-    before, steepest = factor_of(falling, np.zeros(g.shape)), 0.0
-    for slip, step in zip(slips[1:].tolist(), np.diff(slips).tolist(), strict=True):
-        factor = factor_of(falling, np.full(g.shape, slip))
-        steepest = max(steepest, float(((before - factor)[falls] * g[falls]).max()) / step)
-        before = factor
-    return steepest
-
-
-def factor_of(falling: Callable[[Array], ArrayLike], s: Array) -> Array:
-    """Return the factor of the bound, or say what is wrong with it."""
     factor = numbers("the factor of falling friction", falling(s))
     if factor.shape not in ((), s.shape):
         raise ValueError(
@@ -186,4 +180,4 @@ def factor_of(falling: Callable[[Array], ArrayLike], s: Array) -> Array:
         )
     factor = np.maximum(factor, LEAST)  # It may underflow.
     in_range("the factor of falling friction", float(factor.max(initial=0.0)))
-    return np.broadcast_to(factor, s.shape)
+    return g * factor

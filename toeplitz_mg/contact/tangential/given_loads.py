@@ -263,6 +263,8 @@ def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Lo
     T = Tangent(areas, q)
     of_slip, creepages, b = _suit(problem, loads, T, u)
     law = linearise(replace(problem, b=b), areas, q, u, T)
+    if law.slope is not None:
+        of_slip = of_slip.adding(law.of_slip(loads.units))
     missing, error = loads.missing(q, vectors), loads.error(q, vectors)
     return Look(law, creepages, b, of_slip, missing, max(law.residual, error))
 

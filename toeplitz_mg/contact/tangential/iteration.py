@@ -13,15 +13,17 @@ import numpy as np
 from scipy.linalg import lapack
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.tangential.coulomb import Areas
+from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, along
+from toeplitz_mg.contact.tangential.falling import FLAT
 from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
-from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem
+from toeplitz_mg.contact.tangential.problem import STIFFEST, Linearisation, Problem
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.preconditioners.causal import ShiftedInverses
 
 # Elements of a piece of contact on a line, in the mean, below which the inverse is cut at no edge:
 # in pieces of some 15 it takes as many products either way, in those of 3 up to twice as many.
 SHORT_PIECES = 12
+STEEPEST = -0.5  # Least γ by which the diagonal is inverted, where friction falls.
 DEPENDENT = 1e-6  # Relative addition to squared norms, so that changes may depend on each other.
 
 
@@ -67,9 +69,7 @@ class Iteration:
         # The first row is what is wrong, the others are what the changes remove of it.
         rows = np.empty((1 + len(dq), *q.shape), M.dtype)
         rows[0] = law.r / scale
-        np.multiply(dq, stiffness, out=rows[1:])
-        rows[1:] += du
-        T.project_each(rows[1:])
+        rows[1:] = law.remove(dq, du, T, stiffness)
         if is_loaded := len(self._loads.wanted) > 0:
             for row in rows[1:]:
                 row[...] = now.of_slip(row)
@@ -77,7 +77,11 @@ class Iteration:
         vectors.add_combination(-weights, rows[1:], rows[0])
         if self._slide is None or vectors.count(areas.slide ^ self._slide):
             self._invert, self._slide = M.at(stiffness), areas.slide
-        v = T(self._invert(rows[0], _leave if self._is_in_pieces else T.project_each))
+        project = _leave if self._is_in_pieces else T.project_each
+        if law.slope is None:
+            v = T(self._invert(rows[0], project))
+        else:
+            v = self._invert_along(rows[0], law, T, stiffness)
         vectors.add_combination(weights, dq, v)
         v = scale * v.astype(np.float64)
         if is_loaded:
@@ -86,6 +90,31 @@ class Iteration:
             if self._loads.error(q, vectors) > CARRIED:
                 v += of_tractions.reach(now.missing)
         return v, None, 1
+
+    def _invert_along(self, r: Array, law: Linearisation, T: Tangent, stiffness: Array) -> Array:
+        """Return the change of tractions whose sizes depend on the slip.
+
+        Along them, 1/γ adds to K where friction rises; where it falls, it is the diagonal that is
+        inverted.
+        """
+        assert law.slope is not None
+        M, slope = self._M, law.slope.astype(self._M.dtype)
+        rises = slope > FLAT
+        softer = np.where(rises, 1.0 / np.where(rises, slope, 1.0), 0.0)
+        along_n = along(r, T.n) * (1.0 + np.abs(slope))
+        r = T(r) + T.n * (softer * along_n)
+        part = np.where(rises, 1.0 / np.sqrt(1.0 + softer), 0.0)
+
+        def project_each(rows: Array) -> None:
+            kept = part * np.einsum("kc...,c...->k...", rows, T.n)
+            T.project_each(rows)
+            rows += T.n * kept[:, None]
+
+        size = along_n / (M.diagonal * (1.0 + np.maximum(slope, STEEPEST)))
+        if rises.any():
+            rising = M.at(M.diagonal * softer)(r, project_each)
+            size = np.where(rises, along(rising, T.n), size)
+        return T(M.at(stiffness)(r, project_each)) + T.n * size
 
     def _remember(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Return the last changes of tractions and of displacements, with those to q and u."""

@@ -17,7 +17,7 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.tangential.coulomb import Areas
 from toeplitz_mg.contact.tangential.given_loads import Loads, Look
 from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
-from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem, State, admit
+from toeplitz_mg.contact.tangential.problem import STIFFEST, Linearisation, Problem, State, admit
 from toeplitz_mg.contact.tangential.settling import settle
 
 
@@ -82,12 +82,27 @@ def _newton_step(now: Look, areas: Areas, K: DenseMatrix, loads: Loads) -> Array
     """Return the change of the tractions by Newton's method."""
     law = now.law
     scale = float(np.abs(law.r).max()) or 1.0
+    if law.slope is not None:
+        v = _solve_with_slope(K, law, np.concatenate([law.r[None], law.of_slip(loads.units)]))
+        return _combine(v, loads.arms, now.missing)
     r = np.concatenate([law.r[None] / scale, loads.units])
     stiffness = np.minimum(law.stiffness, STIFFEST * K.array[0, 0])
     # Loads are to be restored to their last digit.
     v = solve_on_tangents(K, areas, law.T.n, stiffness, r, precisely=len(loads.wanted) > 0)
     v[0] *= scale
     return _combine(v, loads.arms, now.missing)
+
+
+def _solve_with_slope(K: DenseMatrix, law: Linearisation, r: Array) -> Array:
+    """Return changes of tractions whose sizes depend on the slip, which remove r."""
+    _, components, m = r.shape
+    identity = np.eye(components * m).reshape(-1, components, m)
+    stiffness = np.minimum(law.stiffness, STIFFEST * K.array[0, 0])
+    columns = np.ascontiguousarray(K.array.T).reshape(identity.shape)
+    system = law.remove(identity, columns, law.T, np.where(law.T.n.any(axis=0), stiffness, 0.0))
+    matrix = system.reshape(len(identity), -1)
+    *_, v, fails = lapack.dgesv(matrix.T, r.reshape(len(r), -1).T)
+    return np.zeros_like(r) if fails else np.ascontiguousarray(v.T).reshape(r.shape)
 
 
 def solve_on_tangents(

@@ -1,7 +1,8 @@
 """The problem of Coulomb's law and elasticity together, its states, and what is wrong with them."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from operator import itemgetter
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from toeplitz_mg._typing import Array, Progress
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import for_coarser_grids
 from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, along, scale_to_bound, size
+from toeplitz_mg.contact.tangential.falling import THIN, SlipLaw
 from toeplitz_mg.engine.vectors import Vectors
 
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
@@ -31,6 +33,13 @@ def largest_bound(g: Array, vectors: Vectors) -> float:
     return vectors.max(np.where(np.isfinite(g), g, 0.0))
 
 
+def extend(C: Array, x: Array) -> Array:
+    """Return fields on a grid that are x on the elements C, and zero elsewhere."""
+    field = np.zeros((*x.shape[:-1], *C.shape), x.dtype)
+    field[..., C] = x
+    return field
+
+
 @dataclass(frozen=True)
 class Problem:
     """Find tractions whose slip s = A q - b obeys Coulomb's law.
@@ -47,6 +56,8 @@ class Problem:
     least : float
         A displacement below which none counts as the largest.
     progress : callable, optional
+    falling : SlipLaw, optional
+        How the bound depends on the slip; then g is that without any.
     """
 
     grid: Grid
@@ -55,6 +66,7 @@ class Problem:
     tolerance: float
     least: float = 0.0
     progress: Progress | None = None
+    falling: SlipLaw | None = None
 
     def coarser(self, coarsest: int | None = None) -> "Problem | None":
         """Return the problem on elements of twice the size, to be solved roughly, or None."""
@@ -67,7 +79,8 @@ class Problem:
 
     def restrict(self, C: Array) -> "Problem":
         """Return the problem on the elements in contact only, as one axis."""
-        return replace(self, g=self.g[C], b=np.ascontiguousarray(self.b[:, C]))
+        falling = self.falling and self.falling.within(partial(extend, C), itemgetter(C))
+        return replace(self, g=self.g[C], b=np.ascontiguousarray(self.b[:, C]), falling=falling)
 
     @property
     def vectors(self) -> Vectors:
@@ -119,12 +132,7 @@ class State:
 
     def extend(self, C: Array) -> "State":
         """Return the state on a grid, where it is one on the elements in contact."""
-
-        def whole(x: Array) -> Array:
-            field = np.zeros((*x.shape[:-1], *C.shape), x.dtype)
-            field[..., C] = x
-            return field
-
+        whole = partial(extend, C)
         areas = Areas(whole(self.areas.stick), whole(self.areas.slide))
         return replace(self, q=whole(self.q), u=whole(self.u), areas=areas)
 
@@ -146,6 +154,9 @@ class Linearisation:
         The largest displacement, were there no slip.
     residual : float
         The largest violation, relative to that.
+    bound, slope : ndarray, optional
+        Of friction that depends on the slip, the size of the traction and γ where it slides.
+    k0 : float
     """
 
     T: Tangent
@@ -154,6 +165,25 @@ class Linearisation:
     r: Array
     scale: float
     residual: float
+    bound: Array | None = None
+    slope: Array | None = None
+    k0: float = 0.0
+
+    def remove(self, dq: Array, du: Array, T: Tangent, stiffness: Array) -> Array:
+        """Return what changes of tractions and displacements, (k, components, ...), remove of r."""
+        rows = stiffness * dq
+        rows += du
+        T.project_each(rows)
+        if self.slope is not None:
+            along_q, along_u = (np.einsum("kc...,c...->k...", x, T.n) for x in (dq, du))
+            weight = (1.0 / (1.0 + np.abs(self.slope))).astype(dq.dtype)
+            slope = self.slope.astype(dq.dtype)
+            rows += T.n * (weight * (slope * along_u + self.k0 * along_q))[:, None]
+        return rows
+
+    def of_slip(self, u: Array) -> Array:
+        """Return what a change u of the slip alone, (k, components, ...), adds to r."""
+        return self.remove(np.zeros_like(u), u, self.T, np.zeros(()))
 
 
 def linearise(
@@ -171,8 +201,20 @@ def linearise(
     scale = max(problem.least, problem.largest)
     violation = max(vectors.max(size(r)), -vectors.min(against))
     residual = violation / scale if scale > 0.0 else np.inf if violation > 0.0 else 0.0
-    stiffness = np.maximum(against, 0.0) / problem.divisor
-    return Linearisation(T, minus_slip, stiffness, r, scale, residual)
+    if (falling := problem.falling) is None:
+        stiffness = np.maximum(against, 0.0) / problem.divisor
+        return Linearisation(T, minus_slip, stiffness, r, scale, residual)
+    rho, slide, k0 = size(q), areas.slide, falling.k0
+    bound = np.where(slide, falling.at(against), rho)
+    slope = np.where(slide, falling.slope(against), 0.0)
+    r += T.n * (k0 / (1.0 + np.abs(slope)) * (bound - rho))
+    off = np.abs(bound - rho) / (1.0 + np.maximum(slope, 0.0))
+    away = vectors.max(np.where(areas.stick, np.maximum(rho - problem.g, 0.0), off))
+    largest = max(largest_bound(problem.g, vectors), largest_bound(bound, vectors)) or 1.0
+    residual = max(residual, away / largest, k0 * away / scale if scale > 0.0 else 0.0)
+    divisor = np.where(slide, np.maximum(rho, THIN * bound), problem.divisor)
+    stiffness = np.maximum(against, 0.0) / divisor
+    return Linearisation(T, minus_slip, stiffness, r, scale, residual, bound, slope, k0)
 
 
 def admit(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
@@ -181,4 +223,6 @@ def admit(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
     contact = g > 0.0
     q = np.where(contact, q, 0.0)
     slide = slide & contact & np.isfinite(g) & (size(q) > 0.0)
+    if problem.falling is not None:
+        g = np.where(slide, size(q), g)
     return scale_to_bound(q, g, slide), Areas(contact & ~slide, slide)

@@ -7,6 +7,7 @@ steady state is found directly, without marching.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -16,20 +17,22 @@ from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, check_previous, check_rolled, is_lateral
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.products import Products, Report
+from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.tangential.coulomb import Areas
-from toeplitz_mg.contact.tangential.falling import Rounds, fall
-from toeplitz_mg.contact.tangential.falling_loads import fall_by_loads
+from toeplitz_mg.contact.tangential.by_loads import SLIPS, check_loads, find_by_slip
+from toeplitz_mg.contact.tangential.coulomb import ROUNDING as ROUNDED
+from toeplitz_mg.contact.tangential.coulomb import Areas, size
+from toeplitz_mg.contact.tangential.falling import SlipLaw, examine, follow, multiply
 from toeplitz_mg.contact.tangential.friction import make_result
 from toeplitz_mg.contact.tangential.given_loads import Loads
-from toeplitz_mg.contact.tangential.motion import BeyondBound, Motion
+from toeplitz_mg.contact.tangential.motion import LOADS, BeyondBound, Motion
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
 from toeplitz_mg.contact.tangential.shifting import slide_off
 from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 
+ANY_SLIP = "the friction of any slip"
 # Rounding of what creepages leave of a slip that is given, over that slip, at most.
 ROUNDING = 1000.0 * float(np.finfo(np.float64).eps)
 
@@ -156,28 +159,9 @@ def rolling(
     g, element, material = check_rolled(bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
     asked = (longitudinal, lateral, spin), force, moment, slip, pole
-
-    def solve(
-        asked: Any, g: Array, guess: TangentialResult | None, most: int, tell: Progress | None
-    ) -> TangentialResult:
-        search = tolerance, nested, most, tell, options, guess
-        rolled = grid.agree(Rolled.of, g.shape, asked, *search)
-        # Where friction falls, the bound without slip says nothing of what is carried.
-        return roll(grid, g, rolled, tell, guess, may_slide=falling is None)
-
-    if falling is None:
-        result = solve(asked, g, guess, max_products, progress)
-    else:
-        check_iteration(tolerance, max_products, progress)
-        rounds, stiffness = (
-            Rounds(solve, max_products, Report(progress)),
-            stiffness_of_element(grid),
-        )
-        try:
-            result = fall(rounds, asked, g, falling, stiffness, guess, tolerance)
-        except BeyondBound:  # That of no slip, or of a round, is not that of the answer.
-            motion = Motion.of(g.shape, *asked)
-            result = fall_by_loads(rounds, motion, grid, g, falling, stiffness, tolerance)
+    search = tolerance, nested, max_products, progress, options, guess
+    rolled = grid.agree(Rolled.of, g.shape, asked, *search)
+    result = roll(grid, g, rolled, progress, guess, may_slide=falling is None, falling=falling)
     reached = compare_loads(result, force, moment)
     doubts.warn(check_converged(result, tolerance, reached).warnings, within=grid.callers)
     return result
@@ -192,13 +176,6 @@ def compare_loads(result: TangentialResult, force: Any, moment: float | None) ->
     if moment is not None:
         reached += f"; of the moment {moment} it has {result.moment:.6g}"
     return reached
-
-
-def stiffness_of_element(grid: Grid) -> float:
-    """Return the change of the traction of an element by which its own slip changes by 1."""
-    alone = replace(grid, shape=(1,) * len(grid.shape))
-    K = alone.steady(alone.tangential()).toarray()
-    return grid.element[0] / float(K.diagonal().max())
 
 
 @dataclass(frozen=True)
@@ -242,10 +219,12 @@ def roll(
     guess: TangentialResult | None = None,
     *,
     may_slide: bool = False,
+    falling: Callable[[Array], ArrayLike] | None = None,
 ) -> TangentialResult:
     """Return what `rolling` finds for the traction bound `g`, converged or not.
 
-    A force that is all that friction carries may let all slide, or else it is refused.
+    A force that is all that friction carries may let all slide, or else it is refused. Friction may
+    depend on the slip, which `falling` takes to a factor.
     """
     motion = asked.motion
     if grid.directions != motion.directions:
@@ -253,7 +232,9 @@ def roll(
     g = drop_rounding(g, grid.vectors)
     if may_slide and (total := motion.find_sliding(grid, g)) is not None:
         return _slide(grid, g, asked, total)
-    motion.check_loads(grid, g)
+    of_slip = falling and partial(multiply, g, falling)
+    if of_slip is not None:
+        g = of_slip(np.zeros(g.shape))
     before = None
     if guess is not None:
         q = check_previous(guess, grid, (grid.components, *g.shape), is_guess=True)
@@ -261,22 +242,41 @@ def roll(
     h, given = grid.element[0], motion.largest_slip(grid, g > 0.0)
     with count_products() as work:
         window = grid.window(g > 0.0)
-        g, b = window.cut(g), -h * window.cut(motion.rigid_slip(grid))
+        b = -h * window.cut(motion.rigid_slip(grid))
         loads = Loads(
             -h * window.cut(motion.units(grid)), window.cut(motion.arms(grid)), motion.wanted
         )
-        grid = window.grid
-        loads.check_share(g, grid.vectors)
-        loads.check_beside(g, b, grid.vectors)
+        by_slip, whole, vectors = False, grid, window.grid.vectors
+        try:
+            motion.check_loads(whole, g)
+            loads.check_share(window.cut(g), vectors)
+            loads.check_beside(window.cut(g), b, vectors)
+        except BeyondBound:  # The bound without slip says nothing of what is carried.
+            if of_slip is None:
+                raise
+            by_slip, most = True, np.max([of_slip(np.full(g.shape, s)) for s in SLIPS], axis=0)
+            motion.check_loads(whole, most, ANY_SLIP)
+            loads.check_share(window.cut(most), vectors, ANY_SLIP)
+        grid, g = window.grid, window.cut(g)
         A = grid.tangential()
         products = Products(grid.steady(A), asked.max_products)
         # What is left of parts that cancel each other may be their rounding.
         least = ROUNDING / asked.tolerance * h * given
-        problem = Problem(grid, g, b, asked.tolerance, least, progress)
+        law = None
+        if of_slip is not None:
+            law = SlipLaw(of_slip, h, grid.diagonal(products.A)).within(window.extend, window.cut)
+        problem = Problem(grid, g, b, asked.tolerance, least, progress, law)
         start = _admit_guess(problem, loads, window, before)
-        state = find_steady_state(
-            problem, products, loads, guess=start, nested=asked.nested, options=asked.options
-        )
+        find = partial(find_steady_state, K=products, nested=asked.nested, options=asked.options)
+        if by_slip:
+            state = find_by_slip(find, products, problem, loads)
+        else:
+            state = follow(find, products, problem, loads, start)
+            if law is not None and loads.wanted.size and state.residual > asked.tolerance:
+                state = find_by_slip(find, products, problem, loads)
+        if law is not None:
+            g = np.where(state.areas.slide, (1.0 + ROUNDED) * size(state.q), g)
+            problem = replace(problem, g=g)
         if loads.wanted.size:
             problem = replace(problem, b=b + grid.vectors.combine(state.shift, loads.units))
         # The slip is of K, the displacements are of A.
@@ -287,6 +287,9 @@ def roll(
     found = motion.complete(state.shift)
     result = make_rolling_result(motion, problem, state, window, cost, slip, found, is_steady=True)
     doubted = motion.doubts(window.whole, result)
+    if of_slip is not None:
+        doubted += examine(result, of_slip, asked.tolerance, products)
+        check_loads([LOADS[k] for k in motion.unknown], loads, state.q, result, asked.tolerance)
     return replace(result, warnings=result.warnings + doubted) if doubted else result
 
 

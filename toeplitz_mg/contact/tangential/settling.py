@@ -84,7 +84,7 @@ def settle(
     g, (q, areas) = problem.g, guess
     q = carry(problem, loads, areas, q)
     displacements = Displacements(K, q, dtype)
-    best, left = None, patience
+    best, left, problem_now = None, patience, problem
     iterations: tuple[int, ...] = ()
     while True:
         now = look(problem, loads, areas, q, displacements.u)
@@ -108,11 +108,14 @@ def settle(
         if left <= patience - HOPE:
             # Whole steps may go round in a circle, where elements turn out wrong in either area.
             v, Kv = DAMPED * v, Kv if Kv is None else DAMPED * Kv
-        q = q + v
+        bound, before, q = g, q, q + v
         out = areas.stick & (size(q) > g)
-        q = scale_to_bound(q, g, areas.slide | out)
+        if problem.falling is not None:
+            q, bound = problem.falling.change(now, areas, before, v, g)
+            problem_now = replace(problem, g=bound)
+        q = scale_to_bound(q, bound, areas.slide | out)
         stuck = areas.exchange(out, np.zeros_like(out))
-        q = carry(problem, loads, stuck, q)
+        q = carry(problem_now, loads, stuck, q)
         if loads.error(q, problem.vectors) > UNCARRIED:
             q = loads.project(q, g, problem.vectors)
             areas, out = Areas.of(q, g), np.zeros_like(out)

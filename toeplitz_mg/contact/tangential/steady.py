@@ -3,7 +3,7 @@
 Of few elements the matrix is an array (`newton`); of many, approximate inverses and acceleration do
 (`iteration`). Of few the search starts from the leading edge, of many from the solution on elements
 of twice the size. Where the areas do not settle, rolling step by step leads on, and where loads are
-given a search for their creepages (`searching`).
+given a search for their creepages (`by_loads`).
 
 The approximate inverses are of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν. Where
 elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size: in
@@ -28,13 +28,13 @@ from toeplitz_mg.contact.dense import LEAST_UNIT, MOST_UNIT
 from toeplitz_mg.contact.grid import COARSEST
 from toeplitz_mg.contact.inverse import invert_steady
 from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.tangential.by_loads import roll_by_creepages, search_creepages
 from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
 from toeplitz_mg.contact.tangential.given_loads import Loads
 from toeplitz_mg.contact.tangential.iteration import Iteration
 from toeplitz_mg.contact.tangential.near_sliding import guess_sliding
 from toeplitz_mg.contact.tangential.newton import find_directly
 from toeplitz_mg.contact.tangential.problem import Problem, State, admit, largest_bound
-from toeplitz_mg.contact.tangential.searching import search_creepages
 from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.contact.tangential.shifted import COARSE_PRODUCTS, coarsen_each, solve
 from toeplitz_mg.operators import apply_to_rows
@@ -84,10 +84,10 @@ class SteadyOptions:
 
 def find_steady_state(
     problem: Problem,
-    K: Products,
     loads: Loads,
-    *,
     guess: tuple[Array, Areas] | None = None,
+    *,
+    K: Products,
     nested: bool,
     options: SteadyOptions,
 ) -> State:
@@ -97,12 +97,12 @@ def find_steady_state(
     ----------
     problem : Problem
         Its b is minus the rigid slip in a step of one element, by what is given of it.
-    K : Products
-        Products with A - S.
     loads : Loads
         The loads that are given in the place of creepages.
     guess : (ndarray, Areas), optional
         Admissible tractions and areas to start from.
+    K : Products
+        Products with A - S.
     nested : bool
         Whether to start from the solution on coarser grids, where there is no guess.
     options : SteadyOptions
@@ -122,7 +122,7 @@ def find_steady_state(
     from_coarser = partial(_guess_from_coarser_grids, problem, loads, options, coarsest)
     may_refine = guess is None and nested
     refines = may_refine and grid.coarser(coarsest) is not None
-    if guess is None and len(loads.wanted):
+    if guess is None and len(loads.wanted) and problem.falling is None:
         is_line = len(grid.shape) == 1
         guess = guess_sliding(problem, loads, K, only_start=not (refines and is_line))
     if guess is None and refines:
@@ -149,8 +149,11 @@ def find_steady_state(
             guess, may_refine = refined, False
         elif depth < MORE:
             depth, guess = MORE, (state.q, state.areas)
+        elif problem.falling is not None:
+            return replace(best, iterations=iterations)
         elif len(loads.wanted) and problem.vectors.max(problem.g) < np.inf:
-            roll = partial(_roll_by_creepages, problem, loads, K, options)
+            find = partial(find_steady_state, K=K, nested=False, options=options)
+            roll = partial(roll_by_creepages, find, problem, loads)
             state, creepages = search_creepages(problem, loads, K, roll, state, creepages, accuracy)
             residual = max(state.residual, loads.error(state.q, problem.vectors))
             if residual <= problem.tolerance:
@@ -159,23 +162,6 @@ def find_steady_state(
         else:
             b = problem.b + problem.vectors.combine(state.shift, loads.units)
             guess = _roll_on(replace(problem, b=b), state.q, K)
-
-
-def _roll_by_creepages(
-    problem: Problem,
-    loads: Loads,
-    K: Products,
-    options: SteadyOptions,
-    creepages: Array,
-    state: State,
-) -> State:
-    """Return the steady state of creepages that are given, from one near by."""
-    b = problem.b + problem.vectors.combine(creepages, loads.units)
-    problem = replace(problem, b=b)
-    # Without any slip there are no tractions: no guess is nearer.
-    guess = (state.q, state.areas) if problem.largest > 0.0 else None
-    nothing = Loads(loads.units[:0], loads.arms[:0], loads.wanted[:0])
-    return find_steady_state(problem, K, nothing, guess=guess, nested=False, options=options)
 
 
 def _guess_from_coarser_grids(
@@ -192,7 +178,10 @@ def _guess_from_coarser_grids(
     units, arms = (coarsen_each(fine, fields, coarse.b) for fields in (loads.units, loads.arms))
     loads = Loads(longer * units, grid.area / fine.area * arms, loads.wanted)
     K = Products(grid.steady(grid.tangential()), COARSE_PRODUCTS)
-    state = find_steady_state(coarse, K, loads, nested=True, options=options)
+    if problem.falling is not None:
+        law = replace(problem.falling, h=grid.element[0], k0=grid.diagonal(K.A))
+        coarse = replace(coarse, falling=law.within(fine.refine, fine.coarsen))
+    state = find_steady_state(coarse, loads, K=K, nested=True, options=options)
     if len(loads.wanted):
         coarse = replace(coarse, b=coarse.b + grid.vectors.combine(state.shift, loads.units))
     beyond = _measure_distance(coarse, state, grid.diagonal(K.A))
