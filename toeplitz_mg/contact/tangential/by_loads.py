@@ -84,14 +84,19 @@ def search_creepages(
         if len(units) > 1:
             options = {"factor": FIRST_STEP, "eps": 1e-4, "xtol": 1e-12}
             root(miss, creepages / units, options=options)
-        elif ends := _bracket(miss_one, float(creepages[0] / units[0])):
+        elif ends := _bracket(miss_one, float(creepages[0] / units[0]), problem.falling is None):
             brentq(miss_one, *ends, xtol=1e-14)
     assert best[0] is not None
     return best[0], best[1]
 
 
-def _bracket(miss: Callable[[float], float], first: float) -> tuple[float, float] | None:
-    """Return creepages with too little and with too much of the load, the nearest, or None."""
+def _bracket(
+    miss: Callable[[float], float], first: float, grows: bool
+) -> tuple[float, float] | None:
+    """Return creepages with too little and with too much of the load, the nearest, or None.
+
+    Where friction does not fall the load grows with the creepage, but for rounding.
+    """
     from scipy.optimize import minimize_scalar  # It is slow to import.
 
     sign = 1.0 if miss(first) > 0.0 else -1.0
@@ -107,7 +112,7 @@ def _bracket(miss: Callable[[float], float], first: float) -> tuple[float, float
 
     for _ in range(STEPS):
         try:
-            if lack(last - sign * step) >= lack(last):  # The most is carried between.
+            if lack(last - sign * step) >= lack(last) and not grows:  # The most is between.
                 ends = sorted((before, last - sign * step))
                 minimize_scalar(lack, bounds=ends, method="bounded", options={"xatol": 1e-3})
                 return None
