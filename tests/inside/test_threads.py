@@ -7,6 +7,7 @@ caller does all.
 import _thread
 import subprocess
 import sys
+import signal
 import threading
 import time
 
@@ -49,6 +50,7 @@ class Stop(BaseException):
 
 @pytest.mark.parametrize("raising", ["here", "there", "in both", "while waiting"])
 def test_all_parts_have_ended_when_one_has_raised(raising):
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # A job may ignore it.
     here, begun, back = threading.current_thread(), threading.Event(), threading.Event()
     ended = []
 
@@ -70,6 +72,7 @@ def test_all_parts_have_ended_when_one_has_raised(raising):
     error = KeyboardInterrupt if raising == "while waiting" else Stop
     with scipy.fft.set_workers(2), pytest.raises(error):
         threads.share(work, 2, threads.WORTH_THREADS)
+    signal.signal(signal.SIGINT, before)
     # Either thread may take either part.
     assert ended in ([range(1)], [range(1, 2)])
     back.set()
