@@ -5,9 +5,9 @@ caller does all.
 """
 
 import _thread
+import signal
 import subprocess
 import sys
-import signal
 import threading
 import time
 
