@@ -97,7 +97,7 @@ def load(path: str | os.PathLike[str]) -> Any:
 
     See Also
     --------
-    NormalResult.save, TangentialResult.save, FrictionalResult.save, CreepCurve.save, Stresses.save
+    NormalResult : its `save` writes such a file, as that of the other results does.
 
     Examples
     --------
