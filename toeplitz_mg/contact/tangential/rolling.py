@@ -246,17 +246,7 @@ def roll(
         loads = Loads(
             -h * window.cut(motion.units(grid)), window.cut(motion.arms(grid)), motion.wanted
         )
-        by_slip, whole, vectors = False, grid, window.grid.vectors
-        try:
-            motion.check_loads(whole, g)
-            loads.check_share(window.cut(g), vectors)
-            loads.check_beside(window.cut(g), b, vectors)
-        except BeyondBound:  # The bound without slip says nothing of what is carried.
-            if of_slip is None:
-                raise
-            by_slip, most = True, np.max([of_slip(np.full(g.shape, s)) for s in SLIPS], axis=0)
-            motion.check_loads(whole, most, ANY_SLIP)
-            loads.check_share(window.cut(most), vectors, ANY_SLIP)
+        is_carried = _check_loads(motion, grid, g, of_slip, partial(_check_in, window, loads, b))
         grid, g = window.grid, window.cut(g)
         A = grid.tangential()
         products = Products(grid.steady(A), asked.max_products)
@@ -268,12 +258,10 @@ def roll(
         problem = Problem(grid, g, b, asked.tolerance, least, progress, law)
         start = _admit_guess(problem, loads, window, before)
         find = partial(find_steady_state, K=products, nested=asked.nested, options=asked.options)
-        if by_slip:
+        state = follow(find, products, problem, loads, start) if is_carried else None
+        is_found = state is not None and state.residual <= asked.tolerance
+        if state is None or (law is not None and loads.wanted.size and not is_found):
             state = find_by_slip(find, products, problem, loads)
-        else:
-            state = follow(find, products, problem, loads, start)
-            if law is not None and loads.wanted.size and state.residual > asked.tolerance:
-                state = find_by_slip(find, products, problem, loads)
         if law is not None:
             g = np.where(state.areas.slide, (1.0 + ROUNDED) * size(state.q), g)
             problem = replace(problem, g=g)
@@ -291,6 +279,37 @@ def roll(
         doubted += examine(result, of_slip, asked.tolerance, products)
         check_loads([LOADS[k] for k in motion.unknown], loads, state.q, result, asked.tolerance)
     return replace(result, warnings=result.warnings + doubted) if doubted else result
+
+
+def _check_loads(
+    motion: Motion,
+    grid: Grid,
+    g: Array,
+    of_slip: Callable[[Array], Array] | None,
+    check: Callable[..., None],
+) -> bool:
+    """Refuse loads that friction does not carry; return whether it carries them without slip."""
+    try:
+        motion.check_loads(grid, g)
+        check(g)
+    except BeyondBound:  # The bound without slip says nothing of what is carried.
+        if of_slip is None:
+            raise
+        most = np.max([of_slip(np.full(g.shape, s)) for s in SLIPS], axis=0)
+        motion.check_loads(grid, most, ANY_SLIP)
+        check(most, ANY_SLIP)
+        return False
+    return True
+
+
+def _check_in(window: Any, loads: Loads, b: Array, g: Array, bearer: str | None = None) -> None:
+    """Refuse loads that a bound does not carry together, or not beside the given slip."""
+    g, vectors = window.cut(g), window.grid.vectors
+    if bearer is not None:
+        loads.check_share(g, vectors, bearer)
+        return
+    loads.check_share(g, vectors)
+    loads.check_beside(g, b, vectors)
 
 
 def _slide(grid: Grid, g: Array, asked: Rolled, total: Array) -> TangentialResult:
