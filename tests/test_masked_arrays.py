@@ -45,6 +45,15 @@ DENSE = A.toarray()
 use(tmg.ToeplitzOperator, c=ONES, r=ONES)
 use(tmg.ToeplitzOperator, c=SQUARE.c)
 use(tmg.ToeplitzOperator.from_lags, lags=np.ones((3, 5)))
+use(tmg.ToeplitzOperator.convolution, h=np.ones(2), shape=3)
+use(tmg.matmul_toeplitz, c_or_cr=ONES, x=ONES)
+use(tmg.toeplitz_lstsq, A=(ONES, ONES), b=ONES, damp=1.0)
+STACKED = tmg.RightPreconditioned(A, tmg.cosine_preconditioner(A))
+use_as("RightPreconditioned", STACKED.extend, b=ONES)
+use_as("RightPreconditioned", STACKED.solution, y=ONES)
+use_as(
+    "RectangularToeplitz", tmg.ToeplitzOperator([1.0, 2.0], [1.0]).entries, rows=[0], columns=[0]
+)
 use(A.entries, rows=np.arange(4), columns=np.arange(2))
 use(A.block, index=np.arange(4))
 use(tmg.CoupledOperator, blocks=GRID)
@@ -146,7 +155,15 @@ WITHOUT_NUMBERS = {
     *("ContactError", "ContactResult", "ContactWarning", "CreepCurve", "HertzContact"),
     "KalkerCoefficients",
     *("FrictionalResult", "NormalResult", "TangentialResult", "load"),
-    *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
+    *(
+        "LeastSquaresInfo",
+        "Multigrid",
+        "ProductCount",
+        "SolveInfo",
+        "SteadyOptions",
+        "Stresses",
+        "ToeplitzInverse",
+    ),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",
     *("linear_interpolation", "modulated_interpolation", "piecewise_constant"),

@@ -172,8 +172,6 @@ def test_refuses_bad_coefficients(values, error, match):
 
 
 def test_refuses_lengths_that_do_not_match():
-    with pytest.raises(ValueError, match="c has 3 entries and r has 2"):
-        tmg.ToeplitzOperator([1.0, 2.0, 3.0], [1.0, 2.0])
     with pytest.raises(ValueError, match=r"use ToeplitzOperator\.from_lags"):
         tmg.ToeplitzOperator(np.ones((2, 2)), np.ones((2, 2)))
     with pytest.raises(ValueError, match="which is odd"):
@@ -198,7 +196,7 @@ def test_refuses_bad_masks(mask, error, match):
 def test_a_mask_needs_an_operator_on_a_grid():
     A = tmg.ToeplitzOperator([2.0, 1.0])
     mask = [True, True]
-    for wrong in (np.eye(2), tmg.MaskedOperator(A, mask), A @ A):
+    for wrong in (np.eye(2), tmg.MaskedOperator(A, mask), A @ A @ A):
         with pytest.raises(TypeError, match="needs an operator on a whole grid"):
             tmg.MaskedOperator(wrong, mask)
 

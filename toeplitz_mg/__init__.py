@@ -13,7 +13,14 @@ from toeplitz_mg.multigrid_cycle import (
     piecewise_constant,
     rediscretised,
 )
-from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator, ToeplitzSum
+from toeplitz_mg.operators import (
+    CoupledOperator,
+    MaskedOperator,
+    RectangularToeplitz,
+    ToeplitzOperator,
+    ToeplitzSum,
+)
+from toeplitz_mg.operators.matmul import matmul_toeplitz
 from toeplitz_mg.engine.work import ProductCount, count_products
 from toeplitz_mg.preconditioners import (
     chan_preconditioner,
@@ -37,6 +44,11 @@ from toeplitz_mg.solvers.reflection import reflection_coefficients
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
+from toeplitz_mg.solvers.least_squares import (
+    LeastSquaresInfo,
+    RightPreconditioned,
+    toeplitz_lstsq,
+)
 from toeplitz_mg.solvers.toeplitz.refinement import SolveInfo
 from toeplitz_mg.solvers.richardson import richardson
 from toeplitz_mg.gaussian import ToeplitzNormal
@@ -44,9 +56,12 @@ from toeplitz_mg.gaussian import ToeplitzNormal
 __all__ = [
     "CoupledOperator",
     "Interpolation",
+    "LeastSquaresInfo",
     "MaskedOperator",
     "Multigrid",
     "ProductCount",
+    "RectangularToeplitz",
+    "RightPreconditioned",
     "SolveInfo",
     "ToeplitzInverse",
     "ToeplitzNormal",
@@ -69,6 +84,7 @@ __all__ = [
     "halfspace",
     "jacobi_preconditioner",
     "linear_interpolation",
+    "matmul_toeplitz",
     "modulated_interpolation",
     "multigrid",
     "piecewise_constant",
@@ -84,5 +100,6 @@ __all__ = [
     "tau_preconditioner",
     "toeplitz_inverse",
     "toeplitz_logdet",
+    "toeplitz_lstsq",
 ]
 __version__ = "0.1.0"

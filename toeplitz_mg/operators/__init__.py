@@ -4,6 +4,7 @@ from toeplitz_mg.operators.base import GridOperator, apply_to_rows
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonalisedOperator, DiagonallyScaled
 from toeplitz_mg.operators.coupled import CoupledOperator
 from toeplitz_mg.operators.masked import MaskedOperator
+from toeplitz_mg.operators.rectangular import NormalMatrix, RectangularToeplitz
 from toeplitz_mg.operators.sums import ToeplitzSum
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
@@ -14,6 +15,8 @@ __all__ = [
     "DiagonallyScaled",
     "GridOperator",
     "MaskedOperator",
+    "NormalMatrix",
+    "RectangularToeplitz",
     "ToeplitzOperator",
     "ToeplitzSum",
     "apply_to_rows",

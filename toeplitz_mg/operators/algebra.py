@@ -90,8 +90,10 @@ def scaling(side: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
 
     @wraps(method)
     def multiply(A: Any, x: Any) -> Any:
-        factor = read_factor(x, A.shape[0])
+        factor = read_factor(x, A.shape[0 if side == "left" else 1])
         product = NotImplemented if factor is None else A.scaled(**{side: factor})
+        if side == "right" and isinstance(x, LinearOperator):
+            product = A.composed(x)
         if product is NotImplemented:
             _refuse_composition(A, x)
             return method(A, aslinearoperator(x) if issparse(x) else x)

@@ -70,7 +70,7 @@ def _multiply(name: str, A: "GridOperator", x: Any) -> Any:
     from_left = name in ("rdot", "__rmul__")
     columns = x.ndim > 1 and not from_left
     if x.ndim not in ((1, 2) if "dot" in name or from_left else (1 + ("mat" in name[-3:]),)) or (
-        x.shape[-2 if columns else -1] != A.shape[0]
+        x.shape[-2 if columns else -1] != A.shape[0 if from_left or name[0] == "r" else 1]
     ):
         raise ValueError(f"x has shape {tuple(x.shape)}, but the operator {A.shape}")
     if from_left:
@@ -208,6 +208,10 @@ class GridOperator(LinearOperator):
         left, right : number or ndarray of shape (N,), optional
             Multiples of the unit matrix, or the entries of diagonal matrices.
         """
+        return NotImplemented
+
+    def composed(self, other: Any) -> Any:
+        """Return the product with another operator as one of this package, or NotImplemented."""
         return NotImplemented
 
     def plus(self, other: Any) -> Any:

@@ -84,7 +84,7 @@ class Coefficients:
             )
         (n,), (m,) = column.shape, row.shape
         if n != m:
-            raise ValueError(f"c has {n} entries and r has {m}, but the matrix is square")
+            raise ValueError(f"c has {n} entries and r has {m}, but must have as many here")
         return cls._normal(xp.concat([xp.flip(row[1:]), column]))
 
     @classmethod

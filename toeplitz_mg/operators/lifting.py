@@ -15,6 +15,7 @@ from toeplitz_mg.operators.coefficients import require_range
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonallyScaled
 from toeplitz_mg.operators.coupled import CoupledOperator, Transposes, asymmetries
 from toeplitz_mg.operators.masked import MaskedOperator
+from toeplitz_mg.operators.rectangular import NormalMatrix
 from toeplitz_mg.operators.sums import (
     ToeplitzSum,
     advise_of_negative,
@@ -27,6 +28,11 @@ from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 F = TypeVar("F", bound=Callable[..., LinearOperator])
 Check = Callable[[ToeplitzOperator | CoupledOperator], None]
 ADVICE = r"[:;][^:;]*_preconditioner\(A\)"  # The first advice of a message to take another one.
+
+
+def stand_in(A: LinearOperator) -> LinearOperator:
+    """Return the Toeplitz matrix that stands for one of normal equations; others as they are."""
+    return ToeplitzOperator.from_lags(A.lags) if isinstance(A, NormalMatrix) else A
 
 
 def unwrap(A: LinearOperator) -> tuple[LinearOperator, Mask | None]:
@@ -116,7 +122,7 @@ def unwrap_toeplitz(
     It raises a TypeError where `A` is neither a `ToeplitzOperator` nor a `MaskedOperator` of one,
     and the ValueError of `check` (`check_symmetric`, `check_hermitian` or `accept_any`).
     """
-    full, mask = unwrap(A)
+    full, mask = unwrap(stand_in(A))
     if not isinstance(full, ToeplitzOperator):
         require_serial("A", A)
         if isinstance(full, CoupledOperator):
@@ -233,6 +239,7 @@ def lift(
         def lifted(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
             if numpy_only:
                 require_numpy(A, function.__name__.strip("_"))
+            A = stand_in(A)
             full, mask = unwrap(A)
             T, scale = full, None
             if isinstance(full, ToeplitzSum):

@@ -2,7 +2,7 @@
 
 import warnings
 from math import prod
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,13 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.operators.base import GridOperator, MatrixOperator
 from toeplitz_mg.operators.coefficients import Coefficients, name_dense
+from toeplitz_mg.operators.rectangular import (
+    convolution,
+    normal_matrix,
+    of_column_and_row,
+    of_lags,
+    read_grids,
+)
 from toeplitz_mg.operators.sums import Term, ToeplitzSum, simplify
 from toeplitz_mg.values import refuse_masked
 
@@ -31,7 +38,8 @@ class ToeplitzOperator(MatrixOperator):
         matrix that is symmetric along each axis.
     r : array_like of shape (n,), optional
         First row of any other matrix; its first entry is ignored, as in
-        `scipy.linalg.toeplitz`. For several axes use `from_lags`.
+        `scipy.linalg.toeplitz`. With another length than `c` the matrix is rectangular, a
+        `RectangularToeplitz`. For several axes use `from_lags`.
 
     Attributes
     ----------
@@ -57,8 +65,8 @@ class ToeplitzOperator(MatrixOperator):
     ValueError
         For coefficients that are empty or not finite, or so large or so small that products
         over- or underflow (above some 1e305 in double precision and 1e36 in single; below some
-        1e-302 and 1e-32 of a million unknowns), for `r` of another length than `c`, and for
-        complex `c` of several axes, which do not say what the matrix is.
+        1e-302 and 1e-32 of a million unknowns), and for complex `c` of several axes, which do not
+        say what the matrix is.
 
     Warns
     -----
@@ -70,6 +78,8 @@ class ToeplitzOperator(MatrixOperator):
     --------
     MaskedOperator : its restriction to a part of the grid.
     CoupledOperator : several of them, as blocks.
+    RectangularToeplitz : with another number of rows than columns.
+    toeplitz_lstsq : least squares.
     ToeplitzSum : with diagonal matrices.
     scipy.linalg.toeplitz : the dense matrix, on one axis.
 
@@ -105,6 +115,13 @@ class ToeplitzOperator(MatrixOperator):
 
     _is_toeplitz = True
 
+    def __new__(cls, c: Any = None, r: Any = None, **kwargs: Any) -> Any:
+        """Return a `RectangularToeplitz` where `c` and `r` have different lengths."""
+        made = None
+        if r is not None and not isinstance(c, Coefficients):
+            made = of_column_and_row(c, r)
+        return super().__new__(cls) if made is None else made
+
     def __init__(
         self,
         c: ArrayLike | Coefficients,
@@ -136,18 +153,23 @@ class ToeplitzOperator(MatrixOperator):
         self.is_symmetric, self.is_hermitian = a.is_symmetric, a.is_hermitian
 
     @classmethod
-    def from_lags(cls, lags: ArrayLike) -> "ToeplitzOperator":
+    def from_lags(cls, lags: ArrayLike, shape: Any = None) -> Any:
         """Build a matrix from all its coefficients.
 
         Parameters
         ----------
         lags : array_like of shape (2 n1 - 1, 2 n2 - 1, ...)
             a[i - j], lag zero in the centre; any real or complex coefficients, symmetric or not.
+        shape : tuple, optional
+            (m, n) for a rectangular matrix of one axis, of several
+            ((m1, m2, ...), (n1, n2, ...)): the grids of the rows and of the columns. Then `lags`
+            has the shape (m1 + n1 - 1, m2 + n2 - 1, ...), from the lag 1 - n on.
 
         Raises
         ------
         TypeError, ValueError
-            For coefficients that the class refuses, and for an even length, which has no centre.
+            For coefficients that the class refuses, for an even length, which has no centre, and
+            for lags that do not have the shape that follows from `shape`.
 
         Examples
         --------
@@ -155,8 +177,50 @@ class ToeplitzOperator(MatrixOperator):
         >>> ToeplitzOperator.from_lags([1.0, 2.0, 3.0]).toarray()
         array([[2., 1.],
                [3., 2.]])
+        >>> ToeplitzOperator.from_lags([1.0, 2.0, 3.0], (1, 3)).toarray()
+        array([[3., 2., 1.]])
         """
+        if shape is not None:
+            rows, columns = read_grids(shape)
+            if rows != columns:
+                return of_lags(lags, rows, columns)
         return cls(Coefficients.of_lags(lags))
+
+    @classmethod
+    def convolution(
+        cls, h: ArrayLike, shape: Any, mode: Literal["full", "same", "valid"] = "full"
+    ) -> Any:
+        """Build the matrix that convolves fields with a kernel, as `scipy.signal.convolve` does.
+
+        Parameters
+        ----------
+        h : array_like of shape (p,) or (p1, p2, ...)
+            The kernel.
+        shape : int or tuple of int
+            The shape of the fields.
+        mode : {"full", "same", "valid"}
+            Whether the product has all points that the convolution has, those of the field, or
+            those alone where the kernel lies on the field.
+
+        Returns
+        -------
+        RectangularToeplitz, or ToeplitzOperator with "same"
+
+        Raises
+        ------
+        TypeError, ValueError
+            For coefficients that the class refuses, another mode, another number of axes, and a
+            kernel that is larger than the field with "valid".
+
+        Examples
+        --------
+        >>> from toeplitz_mg import ToeplitzOperator
+        >>> ToeplitzOperator.convolution([1.0, 2.0], 2).toarray()
+        array([[1., 0.],
+               [2., 1.],
+               [0., 2.]])
+        """
+        return cls.from_lags(*convolution(h, shape, mode))
 
     @property
     def lags(self) -> Array:
@@ -273,6 +337,10 @@ class ToeplitzOperator(MatrixOperator):
     def plus_unit(self, factor: Any) -> "ToeplitzOperator":
         """Return the sum with a multiple of the unit matrix."""
         return ToeplitzOperator(self._coefficients.plus_unit(factor))
+
+    def composed(self, other: Any) -> Any:
+        """Return the product with a matrix (see `GridOperator.composed`)."""
+        return normal_matrix(self, other)
 
     def equals(self, other: LinearOperator) -> bool:
         """Whether another operator is the same matrix."""

@@ -34,6 +34,7 @@ from toeplitz_mg.operators.symbol import symbol_of_line
 from toeplitz_mg.preconditioners import traits
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import DIRECT, DenseInverse
+from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.preconditioners.fsai.neighbours import NUMBERS
 from toeplitz_mg.preconditioners.fsai.preconditioner import coupled_fsai, fsai_preconditioner
 from toeplitz_mg.preconditioners.spectral import spectral_inverse, spectral_preconditioner
@@ -435,6 +436,11 @@ ROWS = (
 OTHERS = (
     Row(sine_preconditioner, "whatever the kernel", lambda f: not f.is_complex),
     Row(chan_preconditioner, "coefficients that do not decrease", lambda f: not f.decreases),
+    Row(
+        fft_preconditioner,
+        "a kernel that is not even along each axis",  # As that of a motion blur: 50, cosine 700.
+        lambda f: f.is_grid and not (f.is_complex or f.full.is_even),
+    ),
 )
 
 

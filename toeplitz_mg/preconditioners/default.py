@@ -14,6 +14,7 @@ from toeplitz_mg.operators.lifting import (
     check_hermitian,
     lift,
     restrict,
+    stand_in,
     unwrap,
     unwrap_toeplitz,
 )
@@ -99,7 +100,8 @@ def default_preconditioner(
 
     This is for coefficients that are positive and decrease along each axis, as those of a
     half-space and of most covariances do. For others ten steps of conjugate gradients, in all,
-    compare it with sine, T. Chan's circulant and none. So do they where all of these are
+    compare it with sine, T. Chan's circulant, on a grid M where the kernel is not even along each
+    axis, and none. So do they where all of these are
     refused, but without the circulant: of a smooth covariance as wide as its grid it takes ten
     times the iterations of none. On the whole of a line there is no trial unless all are refused,
     as the spectral factor is as good as the inverse. The logger of this module tells what is
@@ -162,6 +164,7 @@ def select_preconditioner(A: LinearOperator, *, solves: int = 1) -> Selection:
     if all are refused, the best of sine_preconditioner and none, by a trial of 10 steps of CG in
     all
     """
+    A = stand_in(A)
     full, mask = unwrap(A)
     if isinstance(full, ToeplitzSum):
         A = restrict(average(full, mask)[0], mask)

@@ -1,0 +1,314 @@
+"""Least squares with Toeplitz matrices, by normal equations with a Toeplitz preconditioner."""
+
+import warnings
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import LinAlgWarning
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.base import require_numpy
+from toeplitz_mg.operators.composed import DiagonalisedOperator
+from toeplitz_mg.operators.rectangular import NormalMatrix, RectangularToeplitz
+from toeplitz_mg.preconditioners import chan_preconditioner, default_preconditioner
+from toeplitz_mg.solvers.cg import cg
+from toeplitz_mg.solvers.checks import check_numbers
+from toeplitz_mg.solvers.toeplitz.solve import solve_toeplitz
+from toeplitz_mg.values import count, finite, positive
+
+CORRECTIONS = 3  # Most solves with the normal equations: each starts from a residual of A itself.
+LEAST_GAIN = 0.5  # Largest quotient of two residuals for which another correction is made.
+
+
+class LeastSquaresInfo(NamedTuple):
+    """What `toeplitz_lstsq` did.
+
+    Attributes
+    ----------
+    method : str
+    iterations : int
+    residual : float
+        ‖b - A x‖.
+    gradient : float
+        What the tolerance is for: ‖Aᴴ(b - A x) - damp² x‖ / ‖Aᴴ b‖.
+
+    See Also
+    --------
+    toeplitz_lstsq : returns it.
+    """
+
+    method: str
+    iterations: int
+    residual: float
+    gradient: float
+
+
+def toeplitz_lstsq(
+    A: Any,
+    b: ArrayLike,
+    damp: float = 0.0,
+    *,
+    rtol: float = 1e-8,
+    maxiter: int | None = None,
+    M: LinearOperator | None = None,
+    full_output: bool = False,
+) -> Any:
+    """Minimise ‖A x - b‖² + damp² ‖x‖² for a Toeplitz matrix A, rectangular or square.
+
+    Deconvolution, the identification of filters and linear prediction are such problems. On one
+    axis a full or a valid convolution takes one solve with a Toeplitz matrix; others take
+    conjugate gradients, preconditioned by the Toeplitz matrix that is closest.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator, RectangularToeplitz, or tuple (c, r) of array_like
+        Of shape (m, n), of one axis or several.
+    b : array_like of shape (m,) or (m, k)
+    damp : float
+        Regularisation as in `scipy.sparse.linalg.lsqr`.
+    rtol : float
+        It has converged where ‖Aᴴ(b - A x) - damp² x‖ ≤ rtol ‖Aᴴ b‖.
+    maxiter : int, optional
+        Most iterations of one solve with the normal equations, 10 n by default.
+    M : LinearOperator, optional
+        Approximate inverse of ``A.H @ A + damp**2 * I``, in the place of the package's.
+    full_output : bool
+        Whether to return a `LeastSquaresInfo` too.
+
+    Returns
+    -------
+    x : ndarray of shape (n,) or (n, k)
+        Where there are several minimisers, as with fewer rows than columns and without `damp`, of
+        a valid convolution that of least norm.
+    info : LeastSquaresInfo
+        Only with `full_output`; of several right-hand sides the largest numbers.
+
+    Raises
+    ------
+    TypeError
+        Where `A` is no Toeplitz matrix, or `b` not of numbers.
+    ValueError
+        For shapes that do not match, numbers that are not finite, or a `damp`, `rtol` or `maxiter`
+        that is negative.
+
+    Warns
+    -----
+    scipy.linalg.LinAlgWarning
+        Where it has not converged: A is too ill-conditioned for `rtol`, or `maxiter` too small.
+
+    See Also
+    --------
+    scipy.sparse.linalg.lsqr : for any operator, without a preconditioner.
+    right_preconditioned : an operator for it.
+    solve_toeplitz : for square matrices.
+
+    Notes
+    -----
+    AᴴA is a Toeplitz matrix where A has all rows of a full convolution, and AAᴴ is where it has all
+    columns, as a valid one. Then that system is solved, and in the second case x = Aᴴy. Elsewhere
+    the preconditioner is that of the matrix that AᴴA would be with all rows. The residual is
+    computed with A itself and corrected, so that squaring the condition number costs no digits
+    unless it is above some 1e8.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> A = tmg.ToeplitzOperator.convolution([1.0, 0.5, 0.25], 1000)
+    >>> x = np.sin(np.arange(1000.0))
+    >>> found, info = tmg.toeplitz_lstsq(A, A @ x, full_output=True)
+    >>> bool(abs(found - x).max() < 1e-10), info.method
+    (True, 'Toeplitz normal equations')
+    """
+    if isinstance(A, tuple):
+        A = ToeplitzOperator(*A)
+    if not isinstance(A, ToeplitzOperator | RectangularToeplitz):
+        raise TypeError(
+            f"A is a {type(A).__name__}, but must be a Toeplitz matrix: a ToeplitzOperator, a "
+            "RectangularToeplitz or (c, r); for others use scipy.sparse.linalg.lsqr"
+        )
+    require_numpy(A, "toeplitz_lstsq")
+    shift, tolerance = finite("damp", damp) ** 2, positive("rtol", rtol)
+    if damp < 0.0:
+        raise ValueError(f"damp is {damp}, but must not be negative")
+    if maxiter is not None:
+        count("maxiter", maxiter)
+    B = check_numbers("b", b)
+    if B.ndim not in (1, 2) or B.shape[0] != A.shape[0]:
+        raise ValueError(f"b has shape {B.shape}, but must have the {A.shape[0]} rows of A")
+    if not np.isfinite(B).all():
+        raise ValueError("b has entries that are not finite, but all must be")
+    dtype = np.result_type(A.dtype, B, np.float32)
+    normal = _NormalEquations(A.astype(np.result_type(A.dtype, np.float64)), shift, M, maxiter)
+    columns = B.reshape(len(B), -1).T.astype(np.result_type(B, np.float64))
+    found = [normal.solve(column, tolerance) for column in columns]
+    info = LeastSquaresInfo(
+        normal.method, *map(max, zip(*(rest for _, rest in found), strict=True))
+    )
+    if not info.gradient <= tolerance:
+        warnings.warn(
+            f"the gradient is {info.gradient:.2g} of Aᴴb, and not {rtol}: A is too ill-conditioned "
+            "for that, or maxiter too small: give a larger damp, rtol or maxiter",
+            LinAlgWarning,
+            stacklevel=2,
+        )
+    X = np.stack([x for x, _ in found], axis=1).astype(dtype)
+    x = X if B.ndim == 2 else X[:, 0]
+    return (x, info) if full_output else x
+
+
+class _NormalEquations:
+    """The normal equations of a least squares problem, or those of its dual, and their solver."""
+
+    def __init__(self, A: Any, shift: float, M: Any, maxiter: int | None) -> None:
+        self.A, self.adjoint, self.shift, self._maxiter = A, A.H, shift, maxiter
+        N = NormalMatrix(A, 1.0, shift)
+        dual = NormalMatrix(A.H, 1.0, shift)
+        self._is_dual = M is None and not N.is_toeplitz and dual.is_toeplitz
+        self._matrix: Any = dual if self._is_dual else N
+        self.method, self._M, self._c = "conjugate gradients", M, None
+        if not self._matrix.is_toeplitz:
+            self._M = precondition(self._matrix) if M is None else M
+            return
+        self.method = "Toeplitz " + ("dual equations" if self._is_dual else "normal equations")
+        T = ToeplitzOperator.from_lags(self._matrix.lags)
+        self._matrix = T
+        if len(T.squeezed.grid_shape) == 1 and M is None:
+            self._c = T.squeezed.c
+        elif M is None:
+            self._M = precondition(T)
+
+    def solve(self, b: Array, rtol: float) -> tuple[Array, tuple[int, float, float]]:
+        """Return x, the iterations, ‖b - A x‖, and the gradient over that of 0."""
+        dtype = np.result_type(self.A.dtype, b)
+        x, y = (np.zeros(n, dtype) for n in self.A.shape[::-1])
+        r, g, gradient = self._residual(b, x, y)
+        first, iterations = gradient, 0
+        for _ in range(CORRECTIONS):
+            if gradient <= rtol * first:
+                break
+            change, steps = self._correct(g, rtol * first / gradient)
+            iterations += steps
+            # Not x = Aᴴ(y + change), whose terms may be much larger than x.
+            trial = x + (self.adjoint @ change if self._is_dual else change)
+            trial_y = y + change if self._is_dual else y
+            previous, (r_new, g_new, new) = gradient, self._residual(b, trial, trial_y)
+            if not new < gradient:
+                break
+            x, y, r, g, gradient = trial, trial_y, r_new, g_new, new
+            if gradient > LEAST_GAIN * previous:
+                break
+        return x, (iterations, norm(r), gradient / first if first else 0.0)
+
+    def _residual(self, b: Array, x: Array, y: Array) -> tuple[Array, Array, float]:
+        """Return b - A x, the residual of what is solved, and the norm of the gradient."""
+        r = b - self.A @ x
+        gradient = self.adjoint @ r - self.shift * x
+        return r, r - self.shift * y if self._is_dual else gradient, norm(gradient)
+
+    def _correct(self, g: Array, rtol: float) -> tuple[Array, int]:
+        """Return the solution for a right-hand side, and the iterations."""
+        if self._c is not None:
+            with suppress(np.linalg.LinAlgError), warnings.catch_warnings():
+                warnings.simplefilter(
+                    "ignore", LinAlgWarning
+                )  # What is wrong is corrected, or told.
+                return solve_toeplitz(self._c, g), 1
+        residuals: list[float] = []
+        x, _ = cg(
+            self._matrix, g, rtol=rtol / 2, maxiter=self._maxiter, M=self._M, residuals=residuals
+        )
+        return x, len(residuals) - 1
+
+
+def precondition(A: Any) -> LinearOperator | None:
+    """Return the preconditioner of normal equations, none where all are refused."""
+    for function in (default_preconditioner, chan_preconditioner):
+        with suppress(np.linalg.LinAlgError):
+            return function(A)
+    return None
+
+
+class RightPreconditioned(LinearOperator):
+    """The matrix [A R; damp R], which preconditions `scipy.sparse.linalg.lsqr` and `lsmr`.
+
+    With R the problem min ‖A x - b‖² + damp² ‖x‖² becomes min ‖[A R; damp R] y - [b; 0]‖², x = R y.
+    SciPy's own `damp` would stand for damp² ‖y‖², which is another problem.
+
+    Parameters
+    ----------
+    A : LinearOperator of shape (m, n)
+    M : DiagonalisedOperator of shape (n, n)
+        Approximate inverse of ``A.H @ A + damp**2 * I``, as `cosine_preconditioner`,
+        `chan_preconditioner` and `fft_preconditioner` make one; R is its square root.
+    damp : float
+
+    Raises
+    ------
+    TypeError
+        Where `M` has no square root at hand.
+    ValueError
+        For shapes that do not match, a negative `damp`, or an `M` that is not positive definite.
+
+    See Also
+    --------
+    toeplitz_lstsq : least squares, without further ado.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import toeplitz_mg as tmg
+    >>> from scipy.sparse import eye_array
+    >>> from scipy.sparse.linalg import lsqr
+    >>> A = tmg.ToeplitzOperator.convolution([0.25, 0.5, 0.25], 1000, "same")
+    >>> M = tmg.cosine_preconditioner(A.H @ A + 0.01 * eye_array(1000))
+    >>> K = tmg.RightPreconditioned(A, M, damp=0.1)
+    >>> y, *_ = lsqr(K, K.extend(np.ones(1000)), atol=1e-10, btol=1e-10)
+    >>> x = tmg.toeplitz_lstsq(A, np.ones(1000), damp=0.1)
+    >>> bool(abs(K.solution(y) - x).max() < 1e-7)
+    True
+    """
+
+    def __init__(self, A: LinearOperator, M: Any, damp: float = 0.0) -> None:
+        m, n = A.shape
+        if not isinstance(M, DiagonalisedOperator):
+            raise TypeError(
+                f"M is {M!r}, but must be a DiagonalisedOperator, whose square root is at hand: "
+                "that of cosine_preconditioner, chan_preconditioner or fft_preconditioner"
+            )
+        if M.shape != (n, n) or finite("damp", damp) < 0.0:
+            raise ValueError(
+                f"M has shape {M.shape} and damp is {damp}, but M must be of shape {(n, n)}, and "
+                "damp not negative"
+            )
+        p = M.product
+        if not np.all(p.spectrum > 0.0):
+            raise ValueError("M has eigenvalues that are not positive, but needs a square root")
+        root = M.library.diagonalise(
+            np.sqrt(p.spectrum), p.fft_shape, p.grid_shape, p.dtype, p.transforms
+        )
+        self.A, self.R, self.damp = A, DiagonalisedOperator(root, f"√ {M.name}"), float(damp)
+        super().__init__(np.result_type(A.dtype, M.dtype), (m + n if damp else m, n))
+
+    def extend(self, b: ArrayLike) -> Array:
+        """Return the right-hand side [b; 0]."""
+        b = check_numbers("b", b)
+        return np.concatenate([b, np.zeros(self.shape[0] - len(b), b.dtype)])
+
+    def solution(self, y: ArrayLike) -> Array:
+        """Return x = R y."""
+        return self.R @ check_numbers("y", y)
+
+    def _matvec(self, y: Array) -> Array:
+        z = self.R @ y.ravel()
+        return np.concatenate([self.A @ z, self.damp * z][: 1 + bool(self.damp)])
+
+    def _rmatvec(self, v: Array) -> Array:
+        v, m = v.ravel(), self.A.shape[0]
+        z = self.A.H @ np.ascontiguousarray(v[:m])
+        return self.R @ (z + self.damp * v[m:] if self.damp else z)
