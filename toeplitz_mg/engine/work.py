@@ -81,7 +81,8 @@ def axes_of(grid_shape: tuple[int, ...]) -> int:
 
 def count_transforms(number: float, *shape: int) -> None:
     """Count real transforms that are no product."""
-    count_work(1, number * points_of_transform(*shape))
+    if _active_counts.get():
+        count_work(1, number * points_of_transform(*shape))
 
 
 def points_of_transform(*shape: int) -> float:

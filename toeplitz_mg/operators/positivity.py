@@ -51,16 +51,12 @@ def require_positive_diagonal(diagonal: float) -> None:
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:
     """Whether all eigenvalues are positive, beyond the rounding of the largest."""
-    return _least(spectrum) > rounding(spectrum, dtype)
+    return float(library_of(spectrum).xp.min(spectrum)) > rounding(spectrum, dtype)
 
 
 def may_be_positive(spectrum: Array, dtype: Any) -> bool:
     """Whether no eigenvalue is negative, beyond the rounding of the largest."""
-    return _least(spectrum) > -rounding(spectrum, dtype)
-
-
-def _least(spectrum: Array) -> float:
-    return float(library_of(spectrum).xp.min(spectrum))
+    return float(library_of(spectrum).xp.min(spectrum)) > -rounding(spectrum, dtype)
 
 
 def rounding(spectrum: Array, dtype: Any) -> float:
@@ -95,9 +91,10 @@ def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> 
     The message: "`subject` -0.1, but needs all above 1e-15: use `advice`".
     """
     if not is_positive(spectrum, dtype):
+        least = float(library_of(spectrum).xp.min(spectrum))
         raise np.linalg.LinAlgError(
-            f"{subject} {_least(spectrum):.3g}, but needs all above "
-            f"{rounding(spectrum, dtype):.2g}: use {advice}"
+            f"{subject} {least:.3g}, but needs all above {rounding(spectrum, dtype):.2g}: "
+            f"use {advice}"
         )
 
 

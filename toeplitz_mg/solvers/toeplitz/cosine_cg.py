@@ -12,7 +12,7 @@ from operator import le
 import numpy as np
 from scipy.linalg.blas import daxpy, ddot, dscal
 
-from toeplitz_mg._typing import Rows
+from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.vectors import PART, norm
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, alternate
 from toeplitz_mg.solvers.toeplitz.cosine_inverse import precondition
@@ -57,13 +57,10 @@ class CosineSolver:
             Where A is not positive definite, or the iteration does not converge soon.
         """
         form = self._form
-        R = form.transform(self._signed(B))
-        X, iterations = self._iterate(R, rtol)
-        form.count_iterations(iterations, B.size // form.n)
-        return self._signed(form.transform_back(X)), iterations
-
-    def _signed(self, X: Rows) -> Rows:
-        return alternate(X) if self._alternates else X
+        R = form.transform(alternate(B) if self._alternates else B)
+        Y, iterations = self._iterate(R, rtol)
+        X = form.transform_back(Y)
+        return alternate(X) if self._alternates else X, iterations
 
     def _iterate(self, R: Rows, rtol: float) -> tuple[Rows, int]:
         """Iterate from zero, in the domain of the transform; R becomes the residual.
@@ -79,7 +76,7 @@ class CosineSolver:
         sizes = squares = [norm(row) ** 2 for row in R.reshape(rows, -1)]
         for part, pieces in enumerate(parts):
             # Of a part that is rounding alone the scalars would be too, and it would not converge.
-            if sum(ddot(r, r, n, k, 2, k, 2) for n, k in pieces) <= NOTHING**2 * sizes[part // 2]:
+            if _dot(r, r, pieces) <= NOTHING**2 * sizes[part // 2]:
                 for n, k in pieces:
                     dscal(0.0, r, n, k, 2)
         reached = goals = [rtol**2 * size for size in sizes]
@@ -90,10 +87,9 @@ class CosineSolver:
                 raise np.linalg.LinAlgError(f"no convergence in {iterations} iterations")
             M.apply(R, out=Z)
             for part, pieces in enumerate(parts):
-                last, of_z[part] = of_z[part], 0.0
-                for n, k in pieces:
-                    of_z[part] += ddot(r, z, n, k, 2, k, 2)
-                factor = _divide(of_z[part], last)
+                last, of_z[part] = of_z[part], _dot(r, z, pieces)
+                # Where a vector has no such part, it stays zero.
+                factor = of_z[part] / last if last else 0.0
                 for n, k in pieces:
                     dscal(factor, p, n, k, 2)
             P += Z
@@ -101,17 +97,15 @@ class CosineSolver:
             q = Q.reshape(-1)
             squares, of_x = [0.0] * rows, [0.0] * rows
             for part, pieces in enumerate(parts):
-                of_p = 0.0
-                for n, k in pieces:
-                    of_p += ddot(p, q, n, k, 2, k, 2)
+                of_p = _dot(p, q, pieces)
                 if of_p < 0.0:
                     raise np.linalg.LinAlgError("A is not positive definite")
-                step = _divide(of_z[part], of_p)
+                step = of_z[part] / of_p if of_p else 0.0
                 for n, k in pieces:
                     daxpy(p, x, n, step, k, 2, k, 2)
                     daxpy(q, r, n, -step, k, 2, k, 2)
-                    squares[part // 2] += ddot(r, r, n, k, 2, k, 2)
-                    of_x[part // 2] += ddot(x, x, n, k, 2, k, 2)
+                squares[part // 2] += _dot(r, r, pieces)
+                of_x[part // 2] += _dot(x, x, pieces)
             goals = [max(s, self._rounding**2 * t) for s, t in zip(reached, of_x, strict=True)]
             iterations += 1
         return X, iterations
@@ -129,6 +123,9 @@ def _parts(size: int, m: int) -> list[list[tuple[int, int]]]:
     ]
 
 
-def _divide(a: float, b: float) -> float:
-    """Return a/b; zero where b is zero, so that a part that a vector has not stays zero."""
-    return a / b if b else 0.0
+def _dot(x: Array, y: Array, pieces: list[tuple[int, int]]) -> float:
+    """Return the inner product of a part of two vectors."""
+    total = 0.0
+    for n, k in pieces:
+        total += ddot(x, y, n, k, 2, k, 2)
+    return total

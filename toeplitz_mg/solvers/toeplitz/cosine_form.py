@@ -113,7 +113,9 @@ class CosineForm:
     samples : ndarray of shape (m + 1,)
         The eigenvalues at θ = πk/m of the circulant of size 2 m.
     has_ended : bool
-        Whether the lags that A has not are zero (see the function of that name).
+        Whether the lags that A has not are zero, but for rounding.
+    has_zero, has_zero_at_end : bool
+        Whether the symbol has a zero at θ = 0, or one at θ = π.
     """
 
     def __init__(self, c: Array) -> None:
@@ -124,25 +126,31 @@ class CosineForm:
         start = (m - n) // 2
         self.middle = slice(start, start + n)
         self._c = c
-        self.has_ended = has_ended(c)
-        # The lags of c and of what may follow it, each as often as the circulant has it. Their
-        # cosines are the samples; their sines are for entries of C A Cᵀ, and for those on its
-        # diagonal the cosines of the second row, which has Fejér's weights.
-        lags = np.empty((2, m + 1))
-        lags[0, :n] = c
-        lags[0, n:] = _continue(c, m - n + 1)
-        lags[0, 1:m] *= 2.0
-        np.multiply(lags[0], 1.0 - np.arange(m + 1) / m, out=lags[1])
+        before, last = c[-2:].tolist()
+        slope = last - before
+        self.has_ended = max(abs(before), abs(last)) <= ENDED * abs(float(c[0]))
+        # The lags of c, and m - n + 1 that A has not, for which any numbers are right: they follow
+        # the parabola that is flat at the last of them, or are zero where c tells of no slope.
+        lags = np.zeros((2, 2 * m))
+        cosines, of_fejer = lags[:, : m + 1]
+        cosines[:n] = c
+        if abs(slope) <= STEEP * abs(last):
+            t = np.arange(1.0, m - n + 2)
+            cosines[n:] = last + slope * t * (1.0 - t / (2.0 * (m - n + 1)))
+        # Each as often as the circulant has it. Their cosines are the samples; their sines are for
+        # entries of C A Cᵀ, and for those on its diagonal the cosines with Fejér's weights.
+        cosines[1:m] *= 2.0
+        np.multiply(cosines, 1.0 - np.arange(m + 1) / m, out=of_fejer)
         count_transforms(2, 2 * m)
-        sums, of_fejer = rfft(_extend(lags, 2 * m))
+        sums, of_fejer = rfft(lags)
         self.samples = sums.real.copy()
         self._sines, self._of_fejer = sums.imag.copy(), of_fejer.real.copy()
-
-    @cached_property
-    def _halves(self) -> tuple[Array, Array]:
-        """Half the samples in the order of the DCT, and in that of the DST, at θ = πk/m."""
-        half = 0.5 * self.samples
-        return half[:-1], half[1:]
+        self._half = 0.5 * self.samples
+        # Each sample for the real and for the imaginary part of its frequency.
+        self._packed = np.repeat(self.samples, 2)[1:-1]
+        self.has_zero = bool(self.samples[0] <= ZERO * self.samples[-1])
+        z, y, x, w = self.samples[-4:].tolist()
+        self.has_zero_at_end = w + x < (x + 2.0 * y + z) / 4.0  # Means there and two before it.
 
     def alternated(self) -> "CosineForm":
         """Return the form of D A D, whose symbol is f(π - θ): every second lag has another sign."""
@@ -151,26 +159,22 @@ class CosineForm:
     def multiply(self, X: Rows) -> Rows:
         """Multiply rows of length n by A, as a block of the circulant."""
         count_transforms(2 * (X.size // self.n), 2 * self.m)
-        return self._multiply(X)
-
-    def _multiply(self, X: Rows) -> Rows:
-        Y = packed_rfft(_extend(X, 2 * self.m), overwrite_x=True)
+        extended = np.zeros((*X.shape[:-1], 2 * self.m))
+        extended[..., : self.n] = X
+        Y = packed_rfft(extended, overwrite_x=True)
         Y *= self._packed
         return packed_irfft(Y, overwrite_x=True)[..., : self.n]
 
-    @cached_property
-    def _packed(self) -> Array:
-        """The samples, each for the real and the imaginary part of its frequency."""
-        return np.repeat(self.samples, 2)[1:-1]
-
     def transform(self, X: Rows) -> Rows:
         """Return rows of length n in the domain of the transform, of length m."""
+        count_transforms(X.size // self.n, self.m)
         extended = np.zeros((*X.shape[:-1], self.m))
         extended[..., self.middle] = X
         return dct(extended, 2)
 
     def transform_back(self, Y: Rows) -> Rows:
         """Return the rows of length n that rows in the domain of the transform stand for."""
+        count_transforms(Y.size // self.m, self.m)
         return dct(Y.copy(), 3)[..., self.middle]
 
     def multiply_transformed(self, P: Rows, memory: Rows) -> Rows:
@@ -180,20 +184,16 @@ class CosineForm:
         """
         if self.m > self.n:
             memory[...] = 0.0
-            memory[..., self.middle] = self._multiply(self.transform_back(P))
+            memory[..., self.middle] = self.multiply(self.transform_back(P))
+            count_transforms(P.size // self.m, self.m)
             return dct(memory, 2)
-        cosine, sine = self._halves
+        count_transforms(4 * (P.size // self.m), self.m)
         memory[...] = P
         Y = dst(dct(memory, 3), 2)
-        Y *= sine
+        Y *= self._half[1:]
         Y = dct(dst(Y, 3), 2)
-        Y += cosine * P
+        Y += self._half[:-1] * P
         return Y
-
-    def count_iterations(self, iterations: int, rows: int) -> None:
-        """Count the transforms of so many iterations, and those of the vectors to and fro."""
-        each = 4 if self.m == self.n else 6
-        count_transforms((each * iterations + 2) * rows, self.m)
 
     def entries(self, points: Points) -> Array:
         """Return the entries of C A Cᵀ at some frequencies, shape (2, k, k): even ones, and odd."""
@@ -235,50 +235,12 @@ class CosineForm:
         rows /= difference
         return rows
 
-    @property
-    def has_zero(self) -> bool:
-        """Whether the symbol has a zero at θ = 0."""
-        return bool(self.samples[0] <= ZERO * self.samples[-1])
-
-    @property
-    def has_zero_at_end(self) -> bool:
-        """Whether the symbol has a zero at θ = π."""
-        d, c, b, a = self.samples[-4:].tolist()
-        return a + b < (b + 2.0 * c + d) / 4.0  # The means at the last one and two before it.
-
-
-def _extend(X: Rows, length: int) -> Rows:
-    """Return rows with zeros behind them."""
-    extended = np.zeros((*X.shape[:-1], length))
-    extended[..., : X.shape[-1]] = X
-    return extended
-
-
-def has_ended(c: Array) -> bool:
-    """Whether the lags that follow those of a first column are zero, but for rounding."""
-    before, last = c[-2:].tolist()
-    return max(abs(before), abs(last)) <= ENDED * abs(float(c[0]))
-
 
 def alternate(X: Rows) -> Rows:
     """Return rows of which every second number has another sign."""
     Y = X.copy()
     Y[..., 1::2] *= -1.0
     return Y
-
-
-def _continue(c: Array, number: int) -> Array | float:
-    """Return numbers for so many lags that A has not, for which any are right.
-
-    They follow the parabola that is flat at the last of them. But where the last two of A tell of
-    no slope, they are zero.
-    """
-    before, last = c[-2:].tolist()
-    slope = last - before
-    if abs(slope) > STEEP * abs(last):
-        return 0.0
-    t = np.arange(1.0, number + 1.0)
-    return last + slope * t * (1.0 - t / (2.0 * number))
 
 
 @lru_cache(maxsize=64)

@@ -53,7 +53,9 @@ def precondition(form: CosineForm) -> "ApproximateInverse | LowRankInverse":
     numpy.linalg.LinAlgError
         Where it is not positive definite.
     """
-    if has_low_rank(form):
+    # Where the symbol has a zero, D has no inverse. Of a vector in the middle of a longer one the
+    # inverse is a block of another one.
+    if form.has_ended and not form.has_zero and form.m == form.n >= LOW_RANK:
         with suppress(np.linalg.LinAlgError):
             return LowRankInverse(form)
     return ApproximateInverse(form)
@@ -163,15 +165,6 @@ class LowRankInverse:
                 part[...] = 0.0
                 add_combination(weights, V, part)
                 z[parity::2] -= part
-
-
-def has_low_rank(form: CosineForm) -> bool:
-    """Whether K may be of low rank, and worth it.
-
-    Where the symbol has a zero, D has no inverse. Of a vector in the middle of a longer one the
-    inverse is a block of another one.
-    """
-    return form.has_ended and not form.has_zero and form.m == form.n >= LOW_RANK
 
 
 def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:

@@ -46,14 +46,12 @@ from toeplitz_mg.solvers.toeplitz.sizes import (
     RECURSIVE,
     SHORT,
     STEPS_OF_INVERSE,
-    TRIANGULAR,
 )
 from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 
 Solve = Callable[[Rows, float], tuple[Rows, int]]  # ``solve(B, rtol)``: solutions and iterations.
 
 ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a better one: 2e-12.
-UNSTABLE = 2e4 * EPS  # Backward error of the recursion that another one need not correct: 4e-12.
 # Shift of the diagonal over the 2-norm of all coefficients. Of skew-symmetric matrices, and of odd
 # lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with one ten times as large; with
 # one ten times less Trench's recursion loses more digits than some of them can spare.
@@ -90,9 +88,6 @@ class Method:
         ``fits(system)``: whether it is worth trying.
     make : callable
         ``make(system)`` returns what solves, or raises a LinAlgError where it is refused.
-    accepted : callable
-        ``accepted(system)``: the backward error at which a solution is left as it is, if no
-        residual is asked for.
     is_substitution : bool
         Whether each row of the system is solved in its turn, so that each holds but for rounding of
         its own terms, however large x is.
@@ -102,29 +97,13 @@ class Method:
     why: str
     fits: Callable[[ToeplitzSystem], bool] = field(compare=False)
     make: Callable[[ToeplitzSystem], Solve] = field(compare=False)
-    accepted: Callable[[ToeplitzSystem], float] = field(default=lambda s: 0.0, compare=False)
     is_substitution: bool = False
 
     def __repr__(self) -> str:
         return f"{self.name}: {self.why}"
 
 
-def accepted_error(s: ToeplitzSystem) -> float:
-    """Return the backward error of Levinson's recursion that a second one need not correct.
-
-    A small system is sooner worth a correction.
-    """
-    if s.n > CORRECTED:
-        return UNSTABLE
-    return 0.0 if s.may_be_definite else ACCEPTED
-
-
 # Which systems the rows fit ---------------------------------------------------------------------
-
-
-def is_narrow_triangle(s: ToeplitzSystem) -> bool:
-    """Whether there are few diagonals, on one side of the main one."""
-    return is_triangle(s) and max(s.widths) < TRIANGULAR
 
 
 def is_triangle(s: ToeplitzSystem) -> bool:
@@ -132,31 +111,21 @@ def is_triangle(s: ToeplitzSystem) -> bool:
     return min(s.widths) == 0 and (1 + max(s.widths)) * s.n <= LARGEST_BAND
 
 
-def is_narrow_band(s: ToeplitzSystem) -> bool:
-    """Whether a long matrix has few diagonals."""
-    width = sum(s.widths)
-    return s.n > SHORT and width <= FEW_DIAGONALS and width * s.n <= LARGEST_BAND
-
-
 def has_many_columns(s: ToeplitzSystem) -> bool:
     """Whether LU is faster than a recursion: its set-up takes n³ steps, but a column few."""
     return s.n < RECURSIVE and s.columns >= 4 + s.n // 32
 
 
-def is_short(s: ToeplitzSystem) -> bool:
-    """Whether Levinson's recursion is faster than CG in the DCT domain.
-
-    It takes n² steps for each column. CG there takes calls, which cost as much as three columns of
-    `SHORT` numbers, and a time in proportion to the numbers.
-    """
-    return s.columns * (s.n / SHORT) ** 2 <= (3.0 + s.columns * s.n / SHORT) / 4.0
-
-
 def is_for_cosines(s: ToeplitzSystem) -> bool:
-    """Whether CG in the DCT domain is faster than an inverse and a recursion."""
-    steps = s.columns * s.n**2
+    """Whether CG in the DCT domain is faster than an inverse, and than Levinson's recursion.
+
+    That takes n² steps for each column. CG there takes calls, which cost as much as three columns
+    of `SHORT` numbers, and a time in proportion to the numbers.
+    """
+    steps, size = s.columns * s.n**2, s.n / SHORT
     is_few = s.columns <= FEW or steps <= STEPS_OF_INVERSE or s.columns**2 * s.n <= COSINE_LIMIT
-    return s.may_be_definite and is_few and not is_short(s)
+    is_long = s.columns * size**2 > (3.0 + s.columns * size) / 4.0
+    return s.may_be_definite and is_few and is_long
 
 
 def is_for_cg(s: ToeplitzSystem) -> bool:
@@ -376,15 +345,20 @@ METHODS = (
     Method(
         "substitution",
         "a triangle of few diagonals: one unknown after the other",
-        is_narrow_triangle,
+        lambda s: max(s.widths) < 2 * FEW_DIAGONALS and is_triangle(s),
         _substitute,
         is_substitution=True,
     ),
-    Method("banded", "few diagonals: LAPACK takes O(n) steps", is_narrow_band, _factor_band),
+    Method(
+        "banded",
+        "few diagonals: LAPACK takes O(n) steps",
+        lambda s: s.n > SHORT and sum(s.widths) <= min(FEW_DIAGONALS, LARGEST_BAND // s.n),
+        _factor_band,
+    ),
     Method(
         "lu",
         "many columns of few unknowns: n³/3 steps",
-        lambda s: has_many_columns(s) and (s.n <= CORRECTED or not s.may_be_definite),
+        lambda s: (s.n <= CORRECTED or not s.may_be_definite) and has_many_columns(s),
         _factor_dense,
     ),
     Method(
@@ -417,7 +391,6 @@ METHODS = (
         is_for_inverse,
         _invert,
     ),
-    Method("lu", "many columns, and not definite: n³/3 steps", has_many_columns, _factor_dense),
     Method(
         "gmres, circulant",
         "a symbol that n samples resolve, or nearly a circulant",
@@ -435,7 +408,6 @@ METHODS = (
         "few unknowns: n² compiled steps for each column",
         is_for_levinson,
         _recur,
-        accepted_error,
     ),
     Method(
         "trench",

@@ -8,9 +8,9 @@ import numpy as np
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.toeplitz.methods import ACCEPTED, METHODS, ROUGH, Method, Solve
+from toeplitz_mg.solvers.toeplitz.methods import ACCEPTED, LEVINSON, METHODS, ROUGH, Method, Solve
 from toeplitz_mg.solvers.toeplitz.sizes import CORRECTED, GENERAL, LARGEST_DENSE, SHORT
-from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem, largest
+from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 
 RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
 ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
@@ -79,19 +79,13 @@ class Attempt(NamedTuple):
     is_good: bool
     is_answer: bool
 
-    @property
-    def info(self) -> SolveInfo:
-        """How it is solved."""
-        return self.found.info
-
 
 def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Found]:
     """Solve by the first method whose solutions, corrected, are good; or return the best of all."""
-    attempts: list[Attempt] = []
-    tried, names = "", set[str]()
+    best: Attempt | None = None
+    tried, names, is_solved = "", set[str](), False
     for method in METHODS:
-        is_done = any(attempt.is_good for attempt in attempts)
-        if method.name in names or (is_done and method.name != "lu") or not method.fits(system):
+        if method.name in names or (is_solved and method.name != "lu") or not method.fits(system):
             continue
         names.add(method.name)
         try:
@@ -99,26 +93,24 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Foun
         except np.linalg.LinAlgError as refused:
             tried += f"; {method.name} fails: {refused}"
             continue
-        attempts.append(attempt)
-        if attempt.is_good and not _is_for_lu(system, attempt.found):
+        info, is_doubtful = attempt.found
+        if attempt.is_answer and (best is None or info.residual < best.found.info.residual):
+            best = attempt
+        is_solved |= attempt.is_good
+        # Where the matrix is small, LU is worth a try for a smaller residual than a large one.
+        is_for_lu = system.n <= SHORT or (system.n < GENERAL and info.residual > ROUGH)
+        if attempt.is_good and not (is_doubtful and is_for_lu):
             break
         tried += (
-            f"; by {method.name} ‖b - A x‖ is {attempt.info.residual:.1e} ‖b‖ and the backward "
-            f"error {attempt.info.backward_error:.1e}"
+            f"; by {method.name} ‖b - A x‖ is {info.residual:.1e} ‖b‖ and the backward error "
+            f"{info.backward_error:.1e}"
         )
-    if answers := [attempt for attempt in attempts if attempt.is_answer]:
-        best = min(answers, key=lambda attempt: attempt.info.residual)
+    if best is not None:
         return best.X, best.found
     reason = "A is singular, exactly or numerically, or x is beyond the largest number"
     if system.n > LARGEST_DENSE:
         reason += f", or none of the methods for more than {LARGEST_DENSE} unknowns solves it"
     raise np.linalg.LinAlgError(reason + tried)
-
-
-def _is_for_lu(system: ToeplitzSystem, found: Found) -> bool:
-    """Whether a residual is so large, and the matrix so small, that LU is worth a try."""
-    is_worth_it = system.n <= SHORT or found.info.residual > ROUGH
-    return found.is_doubtful and is_worth_it and system.n < GENERAL
 
 
 def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float | None) -> Attempt:
@@ -127,24 +119,25 @@ def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float |
     goal = RTOL if rtol is None else rtol
     X, iterations = solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
+    is_done = False
     least_noise = reached = inf
     for left in reversed(range(1 + MOST)):
         R = system.B - system.multiply(X)
         errors, terms = system.measure(R), system.size * system.measure(X)
-        residual, error = largest(errors / sizes), largest(errors / (terms + sizes))
+        residual, error = _largest(errors / sizes), _largest(errors / (terms + sizes))
         backward_error = error
-        noise = largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
+        noise = _largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
         if residual > goal or 2.0 * noise > ILL_CONDITIONED:
             R, errors, sharp = _measure_sharply(system, X, R, errors, terms)
             if sharp is not terms:
-                residual, error = largest(errors / sizes), largest(errors / (sharp + sizes))
-                backward_error, terms = largest(errors / (terms + sizes)), sharp
-                noise = largest(EPS * terms / sizes)
+                residual, error = _largest(errors / sizes), _largest(errors / (sharp + sizes))
+                backward_error, terms = _largest(errors / (terms + sizes)), sharp
+                noise = _largest(EPS * terms / sizes)
             if noise > 1.0 and not method.is_substitution:
                 if info.residual < inf:
                     break
                 raise np.linalg.LinAlgError("x is so large that its residual is rounding")
-        rounding = largest(system.rounding_of(terms) / sizes)
+        rounding = _largest(system.rounding_of(terms) / sizes)
         if noise > ILL_CONDITIONED:
             residual = max(residual, rounding)
         if not residual < inf:
@@ -153,30 +146,26 @@ def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float |
             break  # A correction that has made the residual larger is lost.
         best, least, least_noise, reached = X, error, noise, residual
         info = SolveInfo(method.name, iterations, max(residual, rounding), backward_error)
-        if is_answer(system, residual, error, method.accepted(system), rtol):
-            return Attempt(best, judge(info, rtol), is_good=True, is_answer=True)
+        if is_done := is_enough(system, residual, error, rtol, method.name == LEVINSON):
+            break
         # Each column is as good as can be, by one error or by the other.
         if not left or np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
             break
         correction, steps = solve(R, CORRECTION)
         X = X + correction
         iterations += steps
-    found = judge(info, rtol)
-    if method.is_substitution:
+    is_doubtful = info.residual > max(ILL_CONDITIONED, goal)
+    if is_doubtful and method.is_substitution:
         # However large x is, rounding of each row may change it little.
-        if found.is_doubtful and _changes(system, solve, best) <= ILL_CONDITIONED:
-            found = Found(info)
-        return Attempt(best, found, least <= GOOD, least <= ACCEPTED)
+        is_doubtful = _changes(system, solve, best) > ILL_CONDITIONED
+    found = Found(info, is_doubtful)
+    if is_done or method.is_substitution:
+        return Attempt(best, found, is_done or least <= GOOD, is_done or least <= ACCEPTED)
     is_large = info.residual > ILL_CONDITIONED
     is_singular = is_large and sqrt(system.n) * least_noise > SINGULAR
     may_be_answer = info.residual <= SINGULAR and not is_singular
     is_near = least <= ACCEPTED or not is_large
     return Attempt(best, found, may_be_answer and least <= GOOD, may_be_answer and is_near)
-
-
-def judge(info: SolveInfo, rtol: float | None) -> Found:
-    """Take a solution as doubtful where its residual is large."""
-    return Found(info, info.residual > max(ILL_CONDITIONED, rtol or RTOL))
 
 
 def _changes(system: ToeplitzSystem, solve: Solve, X: Rows) -> float:
@@ -195,20 +184,28 @@ def _changes(system: ToeplitzSystem, solve: Solve, X: Rows) -> float:
         terms = np.convolve(np.abs(x), np.abs(system.band))[above : above + n]
         change, _ = solve(EPS * signs * terms, RTOL)
         changes.append(norm(change) / norm(x) if x.any() else 0.0)
-    return largest(np.array(changes))
+    return _largest(np.array(changes))
 
 
-def is_answer(
-    system: ToeplitzSystem, residual: float, error: float, accepted: float, rtol: float | None
+def is_enough(
+    system: ToeplitzSystem, residual: float, error: float, rtol: float | None, is_levinson: bool
 ) -> bool:
     """Whether a solution with this residual and this backward error needs no correction.
 
-    Without an `rtol` some backward error may be accepted.
+    Where no `rtol` is asked for, that of Levinson's recursion is left as it is if its backward
+    error is small, as to correct it takes another recursion. A small system is sooner worth one.
     """
-    if rtol is not None:
-        return residual <= rtol
-    rough = ILL_CONDITIONED if system.n <= CORRECTED else ROUGH
-    return residual <= RTOL or (error <= accepted and residual <= rough)
+    if residual <= (RTOL if rtol is None else rtol):
+        return True
+    is_small = system.n <= CORRECTED
+    if rtol is not None or not is_levinson or (is_small and system.may_be_definite):
+        return False
+    return error <= ACCEPTED and residual <= (ILL_CONDITIONED if is_small else ROUGH)
+
+
+def _largest(values: Array | float) -> float:
+    """Return the largest of these numbers, NaN where one is."""
+    return values if type(values) is float else float(np.max(values))
 
 
 def _measure_sharply(

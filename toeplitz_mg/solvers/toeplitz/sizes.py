@@ -21,8 +21,9 @@ COSINE_LIMIT = 80_000  # Most columns² n for which CG in the DCT domain is fast
 ITERATION = 64  # Where Trench's recursion takes as long as an iteration of GMRES.
 FEWEST_ITERATIONS = 4  # Iterations that GMRES takes at least.
 
-FEW_DIAGONALS = 32  # Most diagonals beside the main one of a band: for LAPACK, and for products.
-TRIANGULAR = 64  # Most diagonals of a triangular matrix that is solved by substitution at once.
+# Most diagonals beside the main one of a band: for LAPACK, and for products; of a triangle twice as
+# many, as it needs no factors.
+FEW_DIAGONALS = 32
 LARGEST_BAND = 2**25  # Most numbers of the diagonals of a band: 256 MiB.
 
 # Of many systems that are solved by one recursion:

@@ -17,7 +17,7 @@ from toeplitz_mg.engine.ranks import is_serial
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.toeplitz.levinson import is_faster_at_once, levinson, solve_at_once
-from toeplitz_mg.solvers.toeplitz.methods import LEVINSON, METHODS, Method, accepted_error
+from toeplitz_mg.solvers.toeplitz.methods import LEVINSON, METHODS, Method
 from toeplitz_mg.solvers.toeplitz.refinement import (
     GOOD,
     ILL_CONDITIONED,
@@ -27,8 +27,7 @@ from toeplitz_mg.solvers.toeplitz.refinement import (
     UNEVEN,
     Found,
     SolveInfo,
-    is_answer,
-    judge,
+    is_enough,
     solve_system,
 )
 from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
@@ -85,8 +84,7 @@ def solve_toeplitz(
         backward error is to be that of a direct method. By default it is 1e-12, but for up to 2047
         unknowns of which A is not symmetric and positive definite: what SciPy's recursion gives
         there, mostly to some 1e-9, is left as it is where its backward error, in proportion to the
-        sizes of all coefficients, is below 4e-12, or of up to 256 unknowns below 2e-12. To correct
-        it takes another recursion.
+        sizes of all coefficients, is below 2e-12. To correct it takes another recursion.
     full_output : bool
         Whether to return a `SolveInfo` too.
 
@@ -265,12 +263,9 @@ def _solve_short(
         return None
     if not c.dtype == r.dtype == b.dtype or not isfinite(r[0]):
         return None
-    if r is not c and not (c[-1] and r[-1]):
-        return None  # It may be triangular.
-    system = ToeplitzSystem(c, r, np.ascontiguousarray(b))
-    if not system.is_of_usual_size:
+    system, size = ToeplitzSystem(c, r, np.ascontiguousarray(b)), norm(b)
+    if not system.is_of_usual_size or min(system.widths) == 0:
         return None
-    accepted, size = accepted_error(system), norm(b)
     X, R = np.zeros_like(system.B), system.B
     for iterations in (1, 2):
         try:
@@ -287,8 +282,10 @@ def _solve_short(
             return X, info
         if system.sizes_of_terms(X) < UNEVEN * terms:
             return None  # What rounding is relative to may be less than these terms.
-        is_rounding = info.backward_error <= ROUNDING and residual <= ILL_CONDITIONED
-        if is_rounding or is_answer(system, residual, info.backward_error, accepted, rtol):
+        if residual > ILL_CONDITIONED:
+            continue
+        is_rounding = info.backward_error <= ROUNDING
+        if is_rounding or is_enough(system, residual, info.backward_error, rtol, is_levinson=True):
             return X, info
     return None
 
@@ -332,7 +329,7 @@ def _solve_batch(
             errors = np.stack([residuals, backward_errors])[:, good]
             for worst in errors.argmax(axis=1).tolist():  # By the one error and by the other.
                 info = SolveInfo("levinson for all at once", 1, *errors[:, worst].tolist())
-                found.append(judge(info, rtol))
+                found.append(Found(info, info.residual > max(ILL_CONDITIONED, rtol or RTOL)))
     for k in np.argwhere(rest):
         own = tuple(k.tolist())
         try:

@@ -1,7 +1,6 @@
 """A Toeplitz system of any size, with the quickest product of its matrix."""
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.linalg.blas import dasum, idamax
@@ -17,7 +16,7 @@ from toeplitz_mg.operators.positivity import may_be_positive
 from toeplitz_mg.preconditioners.circulant import chan_column, smooth_column
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
 from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form
-from toeplitz_mg.solvers.toeplitz.sizes import FEW_DIAGONALS, PANELS, SHORT
+from toeplitz_mg.solvers.toeplitz.sizes import FEW_DIAGONALS, GENERAL, PANELS, SHORT
 
 TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
@@ -56,11 +55,15 @@ class ToeplitzSystem:
     sizes : ndarray of shape (columns,), or float
         The norms of the right-hand sides (see `measure`); that of zero is tiny, as it is to be
         divided by.
+    is_of_usual_size : bool
+        Whether all numbers are finite, and it can be solved as it is, without scaling.
     is_hermitian, is_symmetric : bool
         Whether A is Hermitian, and whether it is real too. Where its lags differ by rounding from
         those of such a matrix, as `ToeplitzOperator` takes it, it is made so.
-    measure : callable
-        Returns the 2-norms of rows, those of the parts of complex ones for both.
+    may_be_definite : bool
+        Whether A is symmetric, and no coefficient larger than that of the diagonal.
+    widths : tuple of int
+        How many diagonals there are below the main one, and above, up to the last nonzero.
     """
 
     def __init__(
@@ -75,30 +78,34 @@ class ToeplitzSystem:
         self.n, self.is_complex = len(c), c.dtype.kind == "c"
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
-        self.size = sum_sizes(self.lags)
-        self.measure = self._measure_both if parts == 2 else norms
+        is_short = self.n <= GENERAL and not self.is_complex  # BLAS has the sum in fewer calls.
+        self.size = dasum(self.lags) if is_short else float(np.abs(self.lags).sum())
         self.sizes = self.measure(B) + TINY
-        self.is_hermitian, self._asymmetry = r is c and not self.is_complex, 0.0
+        low, high = USUAL
+        self.is_of_usual_size = bool(low < self.size < high) and (
+            low < self.sizes < high
+            if isinstance(self.sizes, float)
+            else bool(low < self.sizes.min() and self.sizes.max() < high)
+        )
+        self.is_hermitian, asymmetry = r is c and not self.is_complex, 0.0
         # The last numbers of most matrices that are not Hermitian tell of it, and are soon seen.
         if not self.is_hermitian and self.is_of_usual_size:
             last = c[-1] - r[-1].conjugate() if self.n > 1 else 0.0
             if abs(last) <= ROUNDING * EPS * self.size:
                 lags, self.is_hermitian = make_hermitian(self.lags)
             if self.is_hermitian:
-                self._asymmetry = sum_sizes(lags - self.lags)
+                asymmetry = float(np.abs(lags - self.lags).sum())
                 self.lags, c = lags, lags[self.n - 1 :]
                 r = c.conj() if self.is_complex else c
         self.is_symmetric = self.is_hermitian and not self.is_complex
+        self.may_be_definite = self.is_symmetric and idamax(c) == 0
         self.c, self.r = c, r
-
-    @cached_property
-    def widths(self) -> tuple[int, int]:
-        """How many diagonals there are below the main one, and above, up to the last nonzero."""
         # The last numbers of most matrices are no zeros, and soon looked at.
-        below = self.n - 1 if self.c[-1] else _last_nonzero(self.c)
-        if self.is_symmetric:
-            return below, below
-        return below, self.n - 1 if self.r[-1] else _last_nonzero(self.r)
+        below = self.n - 1 if c[-1] else _last_nonzero(c)
+        above = below if r is c else self.n - 1 if r[-1] else _last_nonzero(r)
+        self.widths = below, above
+        # Of the product by transforms rounding is hardly twice as large as of that by definition.
+        self._rounding = EPS * norm(self.lags) * (1.0 if self.n <= SHORT else 2.0) + asymmetry
 
     @property
     def band(self) -> Array:
@@ -146,21 +153,6 @@ class ToeplitzSystem:
         has_outliers = ascending[-1] > OUTLIER * middle
         return bool(high <= (WHITE if has_outliers else ALIKE) * low)
 
-    @property
-    def may_be_definite(self) -> bool:
-        """Whether A is symmetric, and no coefficient larger than that of the diagonal."""
-        return self.is_symmetric and idamax(self.c) == 0
-
-    @property
-    def is_of_usual_size(self) -> bool:
-        """Whether all numbers are finite, and it can be solved as it is, without scaling."""
-        low, high = USUAL
-        if not low < self.size < high:
-            return False
-        if isinstance(self.sizes, float):
-            return low < self.sizes < high
-        return bool(low < self.sizes.min() and self.sizes.max() < high)
-
     @cached_property
     def A(self) -> ToeplitzOperator:
         """The operator of A."""
@@ -198,7 +190,7 @@ class ToeplitzSystem:
         """Multiply rows by A, as cheaply as can be for its size."""
         has_cosine_form = "cosine_form" in self.__dict__
         if self.n <= SHORT and not has_cosine_form:
-            return multiply_by_definition(self.lags, X) if X.ndim == 1 else X @ self._dense.T
+            return self.multiply_sharply(X) if X.ndim == 1 else X @ self._dense.T
         if sum(self.widths) <= FEW_DIAGONALS and not has_cosine_form:
             above = self.widths[1]
             Y = [np.convolve(x, self.band)[above : above + self.n] for x in np.atleast_2d(X)]
@@ -213,8 +205,14 @@ class ToeplitzSystem:
         By transforms it is that of the largest coefficient times the largest number.
         """
         if X.ndim == 1:
-            return multiply_by_definition(self.lags, X)
-        return np.stack([multiply_by_definition(self.lags, x) for x in X])
+            # This is `numpy.convolve`, which for some unknowns takes twice as long.
+            return np.correlate(self.lags, X[::-1].conj(), "valid")
+        return np.stack([self.multiply_sharply(x) for x in X])
+
+    def measure(self, X: Rows) -> Array | float:
+        """Return the 2-norms of rows, those of the parts of complex ones for both."""
+        # Python's own numbers are quicker than NumPy's, which matters where n is small.
+        return norm(X) if X.ndim == 1 else self._join(np.sqrt(np.vecdot(X, X).real))
 
     def sizes_of_terms(self, X: Rows) -> Array | float:
         """Return a bound of ‖|A| |x|‖ for each row: the sum of |a| times what meets it of x.
@@ -233,21 +231,12 @@ class ToeplitzSystem:
     def rounding_of(self, terms: Array | float) -> Array | float:
         """Return the rounding of b - A x, whose terms have these sizes.
 
-        The errors of the terms of a sum add up as their squares do; those of transforms, of larger
-        matrices, are hardly twice as large.
+        The errors of the terms of a sum add up as their squares do. What has been changed to make A
+        Hermitian is an error too.
         """
-        return self._rounding * terms + 0.5 * EPS * (self.sizes - TINY)
+        return self._rounding / self.size * terms + 0.5 * EPS * (self.sizes - TINY)
 
-    @cached_property
-    def _rounding(self) -> float:
-        """That of a product over ‖a‖₁ ‖x‖, and what has been changed to make A Hermitian."""
-        most = EPS if self.n <= SHORT else 2.0 * EPS
-        return (most * norm(self.lags) + self._asymmetry) / self.size
-
-    def _measure_both(self, X: Rows) -> Array | float:
-        return self._join(norms(X))
-
-    def _join(self, sizes: Any) -> Any:
+    def _join(self, sizes: Array) -> Array:
         """Return the sizes of rows, as `measure` does, from those of each."""
         if self.parts == 1:
             return sizes
@@ -270,26 +259,3 @@ class ToeplitzSystem:
 def _last_nonzero(a: Array) -> int:
     """Return the index of the last number that is not zero, or 0."""
     return int(np.flatnonzero(a).max(initial=0))
-
-
-def multiply_by_definition(lags: Array, x: Array) -> Array:
-    """Multiply a vector by the matrix of these lags, each number by a sum of n terms."""
-    # This is `numpy.convolve`, which for some unknowns takes twice as long.
-    return np.correlate(lags, x[::-1].conj(), "valid")
-
-
-def norms(X: Rows) -> Array | float:
-    """Return the 2-norms of rows, or that of one vector."""
-    # Python's own numbers are quicker than NumPy's, which matters where n is small.
-    return np.sqrt(np.vecdot(X, X).real) if X.ndim > 1 else norm(X)
-
-
-def sum_sizes(a: Array) -> float:
-    """Return the sum of the sizes of numbers; of few real ones BLAS has it in fewer calls."""
-    is_short = 0 < len(a) <= 8 * SHORT and a.dtype.char == "d"
-    return dasum(a) if is_short else float(np.abs(a).sum())
-
-
-def largest(values: Array | float) -> float:
-    """Return the largest of these numbers, NaN where one is."""
-    return values if type(values) is float else float(np.max(values))
