@@ -57,7 +57,7 @@ def test_both_factors_share_what_depends_on_the_frequency_across():
 @pytest.mark.parametrize("shape", [(300, 20), (20, 300), (52, 14)])
 def test_no_eigenvalue_is_near_zero_or_negative(shape):
     # Of the lags on long and narrow grids alone some would be.
-    spectrum = find_spectrum(rolling_on(shape).component(0), find_lengths(shape))
+    spectrum = find_spectrum(rolling_on(shape).component(0), FieldTransform(shape, np.float64))
     assert spectrum.real.min() >= 0.1 / shape[0] * np.abs(spectrum).max()
 
 
@@ -73,8 +73,8 @@ def test_the_inverse_is_exact_at_both_edges_of_what_may_change(shape):
     else:
         spectrum = spectrum[None, : length // 2 + 1]
     causal = find_causal_factor(1.0 / spectrum, lengths)
-    transform = FieldTransform(shape, lengths, np.float64)
-    M = ShiftedInverses(transform, lengths, np.arange(n), [spectrum], [causal], 1.0 + a * b)
+    transform = FieldTransform(shape, np.float64)
+    M = ShiftedInverses(transform, [spectrum], [causal], 1.0 + a * b)
     # The grid goes on behind either edge, by so much that it is as good as without an end.
     inside = np.zeros(shape, bool)
     inside[20:40] = True
@@ -89,7 +89,7 @@ def test_the_inverse_is_exact_at_both_edges_of_what_may_change(shape):
 @pytest.mark.parametrize("shape", [(70,), (40, 30), (50, 1)])
 def test_in_each_place_the_inverse_is_that_of_its_own_addition(shape):
     rng, K = np.random.default_rng(0), rolling_on(shape)
-    M = ShiftedInverses.of(K, np.float64)
+    M = ShiftedInverses.of(K, FieldTransform(shape, np.float64))
     addition = 3.0 * rng.random(shape)
     r = rng.standard_normal((K.shape[0] // np.prod(shape), *shape))
     inside = rng.random(shape) < 0.7
@@ -106,7 +106,7 @@ def test_in_each_place_the_inverse_is_that_of_its_own_addition(shape):
 
 def test_inverses_of_large_additions_are_right_to_second_order():
     K = rolling_on((9, 14))
-    M, k0 = ShiftedInverses.of(K, np.float64), K.component(0).c.flat[0]
+    M, k0 = ShiftedInverses.of(K, FieldTransform((9, 14), np.float64)), K.component(0).c.flat[0]
     r, errors = np.random.default_rng(5).standard_normal((2, 9, 14)), []
     for nu in (1e3, 1e4):
         y = M.at(np.full((9, 14), nu * k0))(r, nothing)

@@ -26,7 +26,7 @@ from toeplitz_mg.halfspace.matrices import (
 )
 from toeplitz_mg.halfspace.periodic import Waves
 from toeplitz_mg.operators import CoupledOperator, MaskedOperator, ToeplitzOperator
-from toeplitz_mg.preconditioners.causal import ShiftedInverses
+from toeplitz_mg.preconditioners.causal import FieldTransform, ShiftedInverses
 from toeplitz_mg.preconditioners.choice import quick_fsai
 from toeplitz_mg.preconditioners.runs import InverseOnRuns
 from toeplitz_mg.preconditioners.traits import fragmentation
@@ -263,7 +263,7 @@ class Grid:
 
         Those of its components without additions may be known.
         """
-        return ShiftedInverses.of(K, dtype, own)
+        return ShiftedInverses.of(K, FieldTransform(self.shape, dtype), own)
 
     def invert_on_runs(self, C: Mask, dtype: DTypeLike) -> tuple[Any, ...]:
         """Return approximate inverses of the components of that matrix on a fragmented area."""

@@ -36,11 +36,12 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.arrays.library import NUMPY
+from toeplitz_mg.engine.embedding import around, split
 from toeplitz_mg.engine.threads import keep_bits, share_slices
-from toeplitz_mg.engine.vectors import VECTORS, Vectors
+from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_work, points_of_transform
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 
 WRAPPED = 0.03  # What goes around a circulant comes back so many times as large.
 # Addition where nothing slides, over the largest of the symbol and by the number of elements along
@@ -59,34 +60,73 @@ Projection = Callable[[Array], object]
 
 
 class FieldTransform:
-    """Real transforms of fields on a grid of one or two axes, extended by zeros.
+    """Real transforms of fields on a grid of one or two axes, extended by zeros to circulants.
 
     Parameters
     ----------
-    grid, lengths : tuple of int
-        The shapes of the fields, and of what they are extended to.
+    grid : tuple of int
+        The shape of the fields.
     dtype : float32 or float64
+
+    Attributes
+    ----------
+    grid, dtype
+    lengths : tuple of int
+        Those of the circulants.
+    rows : ndarray of int
+        The numbers of the rows of a field: of several ranks each has some.
+    vectors : Vectors
+        How much of a field is not zero, on all ranks.
+    share : float
+        That of this rank of the work.
     """
 
-    def __init__(self, grid: tuple[int, ...], lengths: tuple[int, ...], dtype: DTypeLike) -> None:
-        self._grid, self.dtype = grid, np.dtype(dtype)
+    vectors, share = VECTORS, 1.0
+
+    def __init__(self, grid: tuple[int, ...], dtype: DTypeLike) -> None:
+        self.grid, self.lengths, self.dtype = grid, find_lengths(grid), np.dtype(dtype)
+        self.rows = np.arange(grid[0])
+        self._local = grid
         # A single axis is the last one of two.
         (self._rows, self._columns), (self._length, self._last) = (
-            (1, *shape)[-2:] for shape in (grid, lengths)
+            (1, *shape)[-2:] for shape in (grid, self.lengths)
         )
 
+    def in_double(self) -> "FieldTransform":
+        """Return the same transforms in double precision."""
+        return FieldTransform(self.grid, np.float64)
+
+    def halves(self, K: Any) -> tuple[Array, Array]:
+        """Return the coefficients of the lags from 0 on along the first axis, and from 0 down.
+
+        The latter are those of the opposite lags. Along the other axis both have all lags.
+        """
+        middle = self.grid[0] - 1
+        return K.lags[middle:], np.flip(K.lags)[middle:]
+
     def forward(self, x: Array) -> Array:
-        """Return the transforms of fields, of the shape (k, frequencies, frequencies)."""
-        x = x.reshape(-1, self._rows, self._columns)
+        """Return the transforms of fields, whose rows may be longer than those of the grid.
+
+        They are of the shape (k, frequencies, frequencies).
+        """
+        x = x.reshape(-1, self._rows, x.shape[-1])
         with keep_bits(self.dtype, len(x) * self._rows):
             Z = fft.rfft(x, self._last)
-        return self._along_columns(fft.fft, Z, self._length)
+        return self._to_columns(Z)
 
     def backward(self, Z: Array) -> Array:
         """Return the fields of transforms, cut to the grid."""
-        Z = self._along_columns(fft.ifft, Z, self._rows)
+        Z = self._to_rows(Z)
         with keep_bits(self.dtype, len(Z) * self._rows):
-            return fft.irfft(Z, self._last)[..., : self._columns].reshape(-1, *self._grid)
+            return fft.irfft(Z, self._last)[..., : self._columns].reshape(-1, *self._local)
+
+    def _to_columns(self, Z: Array) -> Array:
+        """Return the transforms along the columns of those of rows."""
+        return self._along_columns(fft.fft, Z, self._length)
+
+    def _to_rows(self, Z: Array) -> Array:
+        """Return the transforms of rows of what `_to_columns` returns."""
+        return self._along_columns(fft.ifft, Z, self._rows)
 
     def _along_columns(self, transform: Callable[..., Array], Z: Array, rows: int) -> Array:
         """Return so many rows of transforms along the columns, which threads share."""
@@ -112,11 +152,7 @@ class ShiftedInverses:
     Parameters
     ----------
     transform : FieldTransform
-        What diagonalises the circulants; or another that has the same methods.
-    lengths : tuple of int
-        Those of the circulants.
-    rows : ndarray of int
-        The numbers of the rows of a field.
+        What diagonalises the circulants.
     spectra : list of ndarray
         The eigenvalues of circulants that are near the components of K. The components are inverted
         each by itself: the coupling is weak, and inverted too, it saves no iteration.
@@ -127,10 +163,6 @@ class ShiftedInverses:
         its factors.
     diagonal : float
         That of K.
-    vectors : Vectors
-        How much of a field is not zero, where ranks share it.
-    share : float
-        That of this rank of the work.
 
     Attributes
     ----------
@@ -140,21 +172,16 @@ class ShiftedInverses:
 
     def __init__(
         self,
-        transform: Any,
-        lengths: tuple[int, ...],
-        rows: Array,
+        transform: FieldTransform,
         spectra: list[Array],
         causal: list[Array],
         diagonal: float,
         *,
         own: Sequence[Callable[[Array], Array]] = (),
-        vectors: Vectors = VECTORS,
-        share: float = 1.0,
     ) -> None:
         self._transform, self.dtype, self.diagonal = transform, transform.dtype, diagonal
-        self._vectors, self._points = vectors, share * points_of_transform(*lengths)
-        fade = np.exp(fade_rate(lengths[0]) * rows).astype(self.dtype)
-        self._fade = fade.reshape(-1, *(1,) * (len(lengths) - 1))
+        self._points = transform.share * points_of_transform(*transform.lengths)
+        self._fade = _fade(transform).astype(self.dtype)
         precision = np.result_type(self.dtype, np.complex64)
         self._own, self._causal = own, np.array(causal, precision)
         anticausal = [1.0 / (s * factor) for s, factor in zip(spectra, causal, strict=not own)]
@@ -165,16 +192,15 @@ class ShiftedInverses:
         ]
 
     @classmethod
-    def of(cls, K: Any, dtype: DTypeLike, own: Sequence[Callable[[Array], Array]] = ()) -> Self:
-        """Return those of a ToeplitzOperator or a CoupledOperator of some components."""
-        is_coupled = isinstance(K, CoupledOperator)
-        blocks = [K.component(i) for i in range(len(K.blocks))] if is_coupled else [K]
-        grid = blocks[0].grid_shape
-        lengths = find_lengths(grid)
-        spectra = [find_spectrum(block, lengths) for block in blocks]
-        causal = [] if own else [find_causal_factor(1.0 / s, lengths) for s in spectra]
-        transform, diagonal = FieldTransform(grid, lengths, dtype), float(blocks[0].c.flat[0])
-        return cls(transform, lengths, np.arange(grid[0]), spectra, causal, diagonal, own=own)
+    def of(
+        cls, K: Any, transform: FieldTransform, own: Sequence[Callable[[Array], Array]] = ()
+    ) -> Self:
+        """Return those of a Toeplitz matrix, or of several components, for the fields of `own`."""
+        blocks = [row[i] for i, row in enumerate(getattr(K, "blocks", ((K,),)))]
+        exact = transform.in_double()
+        spectra = [find_spectrum(block, exact) for block in blocks]
+        causal = [] if own else [find_causal_factor(1.0 / s, exact.lengths) for s in spectra]
+        return cls(transform, spectra, causal, float(blocks[0].diagonal_entry), own=own)
 
     def at(self, addition: Array) -> Callable[[Array, Projection], Array]:
         """Return the approximate inverse of K + an addition to the diagonal at each place.
@@ -186,7 +212,7 @@ class ShiftedInverses:
         weights, local = interpolate(stiffness, self.dtype, ADDITIONS)
         within = (1.0 / np.sqrt(1.0 + stiffness)).astype(self.dtype)
         local /= self.diagonal
-        used = [k for k in range(1, len(weights)) if self._vectors.count(weights[k])]
+        used = [k for k in range(1, len(weights)) if self._transform.vectors.count(weights[k])]
         weights = weights[[0, *used]]
 
         def invert(r: Array, project_each: Projection) -> Array:
@@ -266,20 +292,28 @@ def find_lengths(grid: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(map(fft.next_fast_len, (along, *across)))
 
 
-def find_spectrum(K: ToeplitzOperator, lengths: tuple[int, ...]) -> Array:
-    """Return the eigenvalues of the circulant of these lengths that has the lags of K, faded.
+def find_spectrum(K: Any, transform: FieldTransform) -> Array:
+    """Return the eigenvalues of the circulant that has the lags of a Toeplitz matrix, faded.
 
     They are of the shape (frequencies, frequencies), those of a single axis along the last one.
     """
-    n, *across = K.grid_shape
-    longest = find_longest_lag(n, lengths[0])
-    lags = np.arange(-longest, longest + 1).reshape(-1, *(1,) * len(across))
-    faded = K.lags[n - 1 + lags.ravel()] * np.exp(-fade_rate(lengths[0]) * lags)
-    count_work(1, points_of_transform(*lengths))
-    spectrum = fft.rfftn(ToeplitzOperator.from_lags(faded).circulant(lengths))
-    bound_from_zero(spectrum, LEAST / n * np.abs(spectrum).max())
-    result: Array = spectrum.reshape((1, *lengths)[-2], -1)
-    return result
+    n, length = transform.grid[0], transform.lengths[0]
+    fade, rows = _fade(transform), transform.rows
+    ahead, back = (half.copy() for half in transform.halves(K))
+    ahead /= fade
+    back *= fade
+    for half in (ahead, back):
+        half[rows > find_longest_lag(n, length)] = 0.0
+    back[rows == 0] = 0.0  # They are among those ahead.
+    fields = [
+        around(NUMPY, *split(NUMPY, half, 1, 0), 1, transform.lengths[1]) if half.ndim > 1 else half
+        for half in (ahead, back)
+    ]
+    count_work(2, transform.share * points_of_transform(*transform.lengths))
+    spectrum, of_back = transform.forward(np.array(fields))
+    spectrum += of_back.conj()
+    bound_from_zero(spectrum, LEAST / n * transform.vectors.max(np.abs(spectrum)))
+    return spectrum
 
 
 def find_longest_lag(n: int, length: int) -> int:
@@ -319,6 +353,12 @@ def weigh_causally(lags: Array, length: int) -> Array:
     """
     weights: Array = np.where(lags == 0, 0.5, (2 * lags <= length).astype(float))
     return weights
+
+
+def _fade(transform: FieldTransform) -> Array:
+    """Return the exponential by which fields are divided, for each of their rows."""
+    shape = -1, *(1,) * (len(transform.lengths) - 1)
+    return np.exp(fade_rate(transform.lengths[0]) * transform.rows).reshape(shape)
 
 
 def fade_rate(length: int) -> float:

@@ -18,7 +18,7 @@ from toeplitz_mg.halfspace.influence import KERNELS
 from toeplitz_mg.halfspace.matrices import evaluate
 from toeplitz_mg.preconditioners.causal import ShiftedInverses
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
-from toeplitz_mg.slabs.circulants import invert_shifted
+from toeplitz_mg.slabs.circulants import SlabTransform
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
 from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
@@ -187,7 +187,7 @@ class SlabGrid(Grid):
         self, K: CoupledOperator, dtype: DTypeLike, own: Any = ()
     ) -> ShiftedInverses:
         """Return approximate inverses of the matrix of steady rolling with additions."""
-        return invert_shifted(K, dtype, self.diagonal(K))
+        return ShiftedInverses.of(K, SlabTransform(self.slab, dtype))
 
     def invert_on_runs(self, C: Mask, dtype: DTypeLike) -> tuple[()]:
         """Return none, as a run of elements may lie on several ranks."""
