@@ -15,9 +15,9 @@ from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact.active_sets import find_sets
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.inverse import LocalInverse
+from toeplitz_mg.contact.normal.search import find_set
 from toeplitz_mg.contact.products import Products
 
 UNIT = halfspace.Material.from_shear(0.7, 0.3)
@@ -30,32 +30,28 @@ class Law(NamedTuple):
 class Stuck:
     """Non-negative least squares, by a search whose sets never change anything."""
 
-    def __init__(self, A, b):
-        self.A, self.b = A, b
+    def __init__(self, A, b, tolerance, progress):
+        self.A, self.b, self.tolerance, self.progress = A, b, tolerance, progress
 
     def look(self, now):
-        return Law(float(np.abs(np.minimum(now.x, now.u - self.b)).max()))
+        return Law(float(np.abs(np.minimum(now.p, now.u - self.b)).max()))
 
     def advance(self, A, now, law, eta):
         return now, 1
 
-    def project(self, x):
-        return np.maximum(x, 0.0)
+    def project(self, p):
+        return np.maximum(p, 0.0)
 
-    def sets_of(self, x):
-        return x > 0.0
+    def set_of(self, p):
+        return p > 0.0
 
 
 def search_for(kind, limit, tolerance, start=0.0, progress=None):
     """Run a search of one kind: its products, and what is found."""
     A = tmg.ToeplitzOperator(0.6 ** np.arange(30))
     b = np.random.default_rng(0).standard_normal(30)
-    search, products = kind(A, b), Products(A, limit)
-    now, law, iterations = find_sets(
-        search, products, np.full(30, start), b > 0.0, b=b, eta=1.0, tolerance=tolerance,
-        progress=progress,
-    )  # fmt: skip
-    return search, products, now, law, iterations
+    search, products = kind(A, b, tolerance, progress), Products(A, limit)
+    return search, products, *find_set(search, products, np.full(30, start), b > 0.0, eta=1.0)
 
 
 def test_projected_gradients_lead_on_where_the_energy_does_not_fall():
@@ -67,8 +63,8 @@ def test_projected_gradients_lead_on_where_the_energy_does_not_fall():
     b = scipy.linalg.solve_triangular(L, search.b, lower=True)
     expected, _ = scipy.optimize.nnls(L.T, b)
     assert law.residual <= 1e-7
-    assert_allclose(now.x, expected, atol=1e-6)
-    assert np.array_equal(now.sets, now.x > 0.0)
+    assert_allclose(now.p, expected, atol=1e-6)
+    assert np.array_equal(now.C, now.p > 0.0)
     assert told == [*range(1, products.count + 1)]
 
 
@@ -76,14 +72,14 @@ def test_it_ends_where_the_products_are_used_up():
     _, products, now, law, _ = search_for(Stuck, 50, 1e-10, start=1.0)
     assert products.exhausted
     assert law.residual > 1e-10
-    assert now.x.min() >= 0.0
+    assert now.p.min() >= 0.0
 
 
 def test_an_answer_is_multiplied_anew_before_it_is_believed():
     class Rough(Stuck):
         def advance(self, A, now, law, eta):
             x = np.linalg.solve(self.A.toarray(), self.b)
-            return replace(now, x=x, u=self.b.copy(), is_exact=False), 1
+            return replace(now, p=x, u=self.b.copy(), is_exact=False), 1
 
         def look(self, now):
             return Law(float(np.abs(now.u - self.b).max()))

@@ -2,8 +2,7 @@
 
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.doubts import ContactWarning
-from toeplitz_mg.contact.loads import load_curve
-from toeplitz_mg.contact.normal.problem import normal_contact
+from toeplitz_mg.contact.normal.problem import load_curve, normal_contact
 from toeplitz_mg.contact.results import (
     ContactError,
     ContactResult,

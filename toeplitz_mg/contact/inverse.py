@@ -139,7 +139,7 @@ class Inverse:
         A matrix of the grid, whose diagonal is 1.
     everywhere : LinearOperator, optional
         An inverse of it on the whole grid, where that is known: A is itself an inverse, of a matrix
-        of contact, and sets are of few elements (see `normal.exchange`).
+        of contact, and sets are of few elements (see `normal.starts`).
 
     Attributes
     ----------

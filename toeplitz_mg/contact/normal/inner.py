@@ -1,7 +1,7 @@
 """Conjugate gradients on a set of elements in contact, in single precision.
 
 They find a change of the pressures, and that of the displacements, with the relative accuracy of
-single precision: products take half the time. `active_set` adds the changes up in double
+single precision: products take half the time. `search` adds the changes up in double
 precision, and multiplies the sum anew before it believes an answer.
 """
 

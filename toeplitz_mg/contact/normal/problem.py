@@ -4,12 +4,14 @@ The pressures p and the gap w = A p + z - δ (Eq. 6-7) are complementary:
 
     in contact  w = 0, p ≥ 0;        elsewhere  w ≥ 0, p = 0.
 
-The elements in contact are found by `active_set`, from a first guess that `solving` has.
+The elements in contact are found by `search`, from a first guess that `starts` has.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from functools import partial
+from math import prod
 from typing import Any, Self
 
 import numpy as np
@@ -26,16 +28,20 @@ from toeplitz_mg.contact.checks import (
 )
 from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.normal.active_set import Search
-from toeplitz_mg.contact.normal.prediction import Known, predict
-from toeplitz_mg.contact.normal.solving import State, solve
-from toeplitz_mg.contact.normal.stiffness import find_stiffness
+from toeplitz_mg.contact.inverse import Inverse
+from toeplitz_mg.contact.normal.search import Search
+from toeplitz_mg.contact.normal.starts import Known, State, predict, solve
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, check_converged
 from toeplitz_mg.contact.results.base import touches_edge
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
+from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.values import field, refuse_masked
+
+REDUCTION = 1e-4  # Of the residual of the stiffness, whose own error is about its square.
+MOST = 200  # Iterations for the stiffness, after which rounding keeps them from the rest.
+LEAP = 2.0  # Factor between two loads from which the pressures of one are no guess of the other.
 
 
 def normal_contact(
@@ -199,7 +205,7 @@ class Pressed:
     tolerance: float
     nested: bool
     max_products: int
-    previous: Sequence[NormalResult] = field(compare=False)
+    previous: Sequence[NormalResult] = dataclass_field(compare=False)
 
     @classmethod
     def of(
@@ -300,3 +306,160 @@ def make_result(
         stiffness=partial(find_stiffness, grid, contact & (state.p < hardness)),
         warnings=doubts.examine_pressures(grid, np.minimum(z, farthest), state.p, state.approach),
     )
+
+
+def find_stiffness(grid: Grid, C: Array) -> float:
+    """Return dF/dδ of the elements C in contact, N/mm; in plane strain N/mm².
+
+    While these are the same, a change dδ of the approach changes the pressures by x dδ, A x = 1 on
+    them; and which they are changes the force to second order only. The function 2 Σx - x·Ax is
+    largest, and the sum of x, where A x = 1: near there its error is of second order, so that x in
+    single precision is good enough.
+    """
+    vectors = grid.vectors
+    touching = vectors.count(C)
+    if not touching:
+        return 0.0
+    if grid.has_free_mean and touching == prod(grid.shape):
+        return np.inf  # A mean pressure moves nothing.
+    A, unit = grid.scaled_normal()
+    M = Inverse(grid, A)
+    M.fit(C, is_near=True)
+    products, r = Products(A, MOST), C.astype(M.dtype)
+    x = np.zeros_like(r)
+    iteration = ConjugateGradients(
+        lambda d, out: np.multiply(products(d, out), C, out=out),
+        lambda r, out: np.multiply(M(r), C, out=out),
+        vectors,
+    )
+    while not products.exhausted and vectors.max(np.abs(r)) > REDUCTION:
+        length = iteration.step(r)
+        if length == 0.0:
+            break
+        x = vectors.axpy(length, iteration.direction, x)
+        r = vectors.axpy(-length, iteration.product, r)
+    y = x.astype(np.float64)
+    return (2.0 * vectors.sum(y) - vectors.dot(y, products(y))) * grid.area / unit
+
+
+def load_curve(
+    gap: ArrayLike | None = None,
+    element: Element | None = None,
+    *,
+    material: Any,
+    heights: Any = None,
+    unit: str | None = None,
+    forces: ArrayLike | None = None,
+    approaches: ArrayLike | None = None,
+    reference: float | None = None,
+    periodic: bool | tuple[bool, bool] | None = None,
+    hardness: float | None = None,
+    tolerance: float = 1e-8,
+    nested: bool = True,
+    max_products: int = 2000,
+    progress: Progress | None = None,
+) -> Iterator[NormalResult]:
+    """Press two bodies together under several loads, one after the other.
+
+    Each result is the first guess of the next one: from the last two the edge of the contact is
+    extrapolated. So loads of a rough surface in order take about half of the products of as many
+    calls of `normal_contact`, and the same answers come out. Where coarser grids were a better
+    guess, as of smooth bodies, the next load begins with those.
+
+    With a hardness, what has yielded stays pressed in: each load meets the gap that the loads
+    before have left, and `NormalResult.plastic` is the depth by all of them.
+
+    Parameters
+    ----------
+    gap, element, material, heights, unit
+        The surface and the bodies, as `normal_contact` takes them.
+    forces : array_like of shape (k,)
+        The forces that press, N; in plane strain N/mm. Zero is no contact. They may fall again.
+    approaches : array_like of shape (k,)
+        The approaches, mm. Either these or the forces are given.
+    reference, periodic, hardness, tolerance, nested, max_products, progress
+        As `normal_contact` takes them, for each load.
+
+    Returns
+    -------
+    iterator of NormalResult
+        One for each load, when it is asked for: a list of them keeps the fields of all.
+        `NormalResult.stiffness` is the slope of the curve.
+
+    Warns
+    -----
+    ContactWarning
+        As `normal_contact`, for each result.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense, before any work.
+    ContactError
+        Where the tolerance is not reached under a load: the results before have been returned.
+
+    See Also
+    --------
+    normal_contact : under one load.
+
+    Examples
+    --------
+    A steel sphere on a steel plate; by Hertz's theory dF/dδ = 2 E* a = 1.5 F/δ.
+
+    >>> from toeplitz_mg import contact
+    >>> steel, element = contact.Material(E=210000.0, nu=0.28), (0.01, 0.01)
+    >>> gap = contact.surfaces.sphere((64, 64), element, radius=10.0)
+    >>> for r in contact.load_curve(gap, element, material=steel, forces=[0.0, 50.0, 100.0]):
+    ...     print(f"{r.force:5.0f} N  {1e3 * r.approach:.2f} µm  {r.stiffness:5.0f} N/mm")
+        0 N  0.00 µm      0 N/mm
+       50 N  2.21 µm  33946 N/mm
+      100 N  3.51 µm  42831 N/mm
+    """
+    z, element, periodic = read_surface(gap, element, heights, unit, periodic)
+    grid = Grid.of(z.shape, element, material, reference, periodic)
+    check_iteration(tolerance, max_products, progress)
+    is_force, loads = _check_loads(forces, approaches)
+    for load in loads.tolist():
+        force = check_load(grid, z, None if is_force else load, load if is_force else None)
+        check_hardness(grid, hardness, force)
+
+    def solve() -> Iterator[NormalResult]:
+        known: tuple[NormalResult, ...] = ()
+        known_load = 0.0
+        # Products of the last load that began with the results before it, and of one without.
+        after, alone = 0, 0
+        dents: Array = np.zeros(z.shape)
+        for load in loads.tolist():
+            approach, force = (None, load) if is_force else (load, None)
+            begins = known if after <= alone else ()
+            if len(known) == 1 and not known_load / LEAP < load < known_load * LEAP:
+                begins = ()
+            search, gap = (tolerance, nested, max_products, progress), z + dents
+            asked = Pressed.of(grid, gap, approach, force, *search, begins, hardness)
+            result = press(grid, gap, asked, progress)
+            if result.plastic is not None:
+                dents = dents + result.plastic
+                result = replace(result, plastic=dents)
+            doubts.warn(check_converged(result, tolerance).warnings)
+            yield result
+            if result.products:  # Without a load there was nothing to find.
+                if len(known) != 1:  # A beginning with one result says nothing of one with two.
+                    after, alone = (result.products, alone) if begins else (after, result.products)
+                known, known_load = (*known, result)[-2:], load
+
+    return solve()
+
+
+def _check_loads(forces: ArrayLike | None, approaches: ArrayLike | None) -> tuple[bool, Array]:
+    """Return whether forces are given, and the loads."""
+    if (forces is None) == (approaches is None):
+        raise ValueError(
+            f"forces is {forces!r} and approaches is {approaches!r}, but one of the two must be "
+            "given"
+        )
+    name, given = ("forces", forces) if approaches is None else ("approaches", approaches)
+    assert given is not None
+    loads = field(name, given)
+    if loads.ndim != 1:
+        raise ValueError(f"{name} has shape {loads.shape}, but must be a list of numbers")
+    return forces is not None, np.asarray(loads)

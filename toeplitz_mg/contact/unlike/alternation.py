@@ -15,12 +15,11 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
-from toeplitz_mg.contact.active_sets import Iterate
 from toeplitz_mg.contact.checks import SLIDES, measure_from_contact
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal import problem as normal
-from toeplitz_mg.contact.normal import solving
-from toeplitz_mg.contact.normal.active_set import Search
+from toeplitz_mg.contact.normal import starts
+from toeplitz_mg.contact.normal.search import Iterate, Search
 from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
 from toeplitz_mg.contact.tangential import friction, shifted
@@ -153,7 +152,7 @@ class Pressing:
         search = self._search(z)
         products = Products(search.matrix, self.max_products)
         guess = None if guess is None or not guess.any() else guess * search.unit
-        state = solving.solve(search, products, nested=nested, guess=guess)
+        state = starts.solve(search, products, nested=nested, guess=guess)
         self._add(products.count)
         self.iterations += state.iterations
         p: Array = state.p / search.unit
@@ -169,17 +168,17 @@ class Pressing:
             return self.force == 0.0
         return not (z < self.approach).any()
 
-    def _state(self, q: Array, p: Array) -> solving.State:
+    def _state(self, q: Array, p: Array) -> starts.State:
         """Return the pressures p with all normal displacements, those by tractions q too."""
         if self.force == 0.0:
-            return solving.State(p, np.zeros(p.shape), 0.0)
+            return starts.State(p, np.zeros(p.shape), 0.0)
         across = self.coupling.across(q)
         search = self._search(self.z + across)
         x = p * search.unit
         u = apply_to_rows(search.matrix, x.ravel()).reshape(x.shape)
         self._add(1)
         law = search.look(Iterate(x, u, p > 0.0))
-        return solving.State(p, u + across, law.touching, law.residual)
+        return starts.State(p, u + across, law.touching, law.residual)
 
 
 class Found(NamedTuple):

@@ -1,8 +1,11 @@
-"""The search for the elements in contact: what `active_sets` asks for in normal contact.
+"""The search for the elements in contact: its energy descends from one set of them to the next.
 
-On a set C of elements the equation is A p = δ - z: conjugate gradients solve it until their misfit
-is below the violation of the inequalities, tension in C or penetration elsewhere. On all other
-elements the pressure is zero or, where there is a hardness, equal to that.
+While a set C is fixed the equation on it is A p = δ - z. Conjugate gradients solve it until their
+misfit is below the violation of the inequalities, tension in C or penetration elsewhere; then the
+set changes. On all other elements the pressure is zero or, where there is a hardness, equal to
+that. Where a change does not lower the energy ½ p·Ap - (δ - z)·p, the next equations are solved
+more exactly; where that does not help either, projected gradients descend from there, and the
+search goes on with the set that they find.
 
 Pressures are in units of the displacement that an element gives itself: the diagonal of A is 1.
 """
@@ -10,24 +13,95 @@ Pressures are in units of the displacement that an element gives itself: the dia
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import prod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from toeplitz_mg._typing import Array, Progress
-from toeplitz_mg.contact.active_sets import Iterate
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import Inverse
 from toeplitz_mg.contact.normal.inner import Area, Look, solve_on_set
 from toeplitz_mg.contact.normal.part import Part, Whole
 from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.projected_gradients import descend, energy
 from toeplitz_mg.operators import ToeplitzOperator
 
+STRIKES = 3  # Changes of the set in a row without a lower energy, after which gradients descend.
+LEAST_FALL = 1e-6  # Fall of the energy that counts, over it and the square of the residual.
+TIGHTER = 0.1  # Factor of the misfit left on the set, at a change that does not lower the energy.
+RESCUE = 40  # Steps of projected gradients: enough to leave the sets that come back.
 NEAR = 4.0  # Gap that may close in the solution on a set, over the largest error before it.
 SPARSE = 0.2  # Share of the elements up to which fields are cut to those that may be in contact.
 ROUGH = 0.1  # Residual beyond which a product in single precision is good enough after a step.
 FLAT = 1e-4  # Interference that counts at least, over what the mean pressure does to an element.
 BALANCED = 1e-15  # Error of the sum of projected pressures, relative to it, that is rounding.
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Admissible pressures, their displacements u, and the set C of elements in contact.
+
+    It is exact where u = A p is a product in double precision, and not a sum of changes.
+    """
+
+    p: Array
+    u: Array
+    C: Array
+    is_exact: bool = True
+
+
+def find_set(
+    search: Any, A: Products, p: Array, C: Array, *, u: Array | None = None, eta: float
+) -> tuple[Iterate, Any, tuple[int, ...]]:
+    """Search for pressures and a set until the residual is small, or the products are used up.
+
+    Parameters
+    ----------
+    search : Search
+        The problem.
+    A : Products
+    p, C : ndarray
+        Admissible pressures, and the set, to start from.
+    u : ndarray, optional
+        The displacements A p, where they are known.
+    eta : float
+        The misfit that is left on the first sets, as `Search.advance` takes it.
+
+    Returns
+    -------
+    now : Iterate
+    law : Law
+        What is wrong with it.
+    iterations : tuple of int
+        The iterations on the sets, one after the other.
+    """
+    vectors, A.progress, b = A.vectors, search.progress, search.b
+    if u is None:
+        u = A(p) if vectors.count(p) else vectors.zeros(p)
+    now = Iterate(p, u, C)
+    strikes, lowest = 0, np.inf
+    iterations: list[int] = []
+    while True:
+        law = search.look(now)
+        A.residual = law.residual
+        if A.exhausted or (law.residual <= search.tolerance and now.is_exact):
+            return now, law, tuple(iterations)
+        if law.residual <= search.tolerance:
+            now = replace(now, u=A(now.p), is_exact=True)
+            continue
+        if strikes == STRIKES:
+            p, u = descend(A, b, now.p, search.project, A.A.norm_bound, RESCUE, vectors)
+            now, strikes = Iterate(p, u, search.set_of(p)), 0
+            lowest = min(lowest, energy(p, u, b, vectors))
+            continue
+        now, count = search.advance(A, now, law, eta)
+        iterations.append(count)
+        reached = energy(now.p, now.u, b, vectors)
+        # What is wrong by some part should lower the energy by its square: less may be rounding.
+        falls = lowest - reached > LEAST_FALL * law.residual**2 * abs(reached)
+        strikes = 0 if falls else strikes + 1
+        eta = TIGHTER * eta if strikes else eta
+        lowest = min(lowest, reached)
 
 
 class Law(NamedTuple):
@@ -72,6 +146,11 @@ class Search:
     @cached_property
     def _scaled(self) -> tuple[ToeplitzOperator, float]:
         return (self.exchanged[0], 1.0) if self.exchanged else self.grid.scaled_normal()
+
+    @property
+    def b(self) -> Array:
+        """The right-hand side in the energy ½ p·Ap - b·p."""
+        return (self.approach or 0.0) - self.z
 
     @property
     def matrix(self) -> ToeplitzOperator:
@@ -122,23 +201,23 @@ class Search:
         """Return what is wrong with pressures and a set."""
         yields = room = None
         if self.hardness < np.inf:
-            yields, room = (now.x == self.most) & ~now.sets, self.most - now.x
+            yields, room = (now.p == self.most) & ~now.C, self.most - now.p
         vectors = self.grid.vectors
-        area = Area(now.sets, np.float64, vectors, yields)
+        area = Area(now.C, np.float64, vectors, yields)
         if self.approach is None:
             gap = vectors.elementwise(vectors.xp.add, now.u, self.z)
-            look = Look.at(now.x, gap, area, balanced=True, room=room)
+            look = Look.at(now.p, gap, area, balanced=True, room=room)
             approach = look.mean
             touching = approach + (look.lowest if room is None else 0.0)
         else:
             approach = touching = self.approach
             gap = vectors.elementwise(lambda u, z: u + z - approach, now.u, self.z)
-            look = Look.at(now.x, gap, area, balanced=False, room=room)
+            look = Look.at(now.p, gap, area, balanced=False, room=room)
         interference = approach - self.lowest
-        if interference <= 0.0 and self.force is not None and (total := vectors.sum(now.x)) > 0.0:
+        if interference <= 0.0 and self.force is not None and (total := vectors.sum(now.p)) > 0.0:
             # Where the mean displacement is free, that of a set that is wrong may be below the
             # summits. Weighted with any pressures p it is above them, by pᵀ A p over their sum.
-            interference = vectors.dot(now.x, gap) / total - self.lowest
+            interference = vectors.dot(now.p, gap) / total - self.lowest
         if self.force is not None and self.grid.has_free_mean:
             # Of what is flat, and touches everywhere, it is rounding of the displacements.
             interference = max(interference, FLAT * self.total / prod(self.grid.shape))
@@ -147,9 +226,12 @@ class Search:
         return Law(look, touching, interference, residual)
 
     def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
-        """Solve on the set C = `now.sets`, and change it."""
-        C, M, count, gap = now.sets, self.inverse, 0, law.look.gap
-        p, part, vectors = now.x, None, A.vectors
+        """Solve on the set until the misfit is `eta` times what is wrong with it, and change it.
+
+        The number of iterations is returned too.
+        """
+        C, M, count, gap = now.C, self.inverse, 0, law.look.gap
+        p, part, vectors = now.p, None, A.vectors
         while vectors.count(C):  # Where all elements of a contact yield there is none.
             M.fit(C)
             part = self._part(C, law.look)
@@ -157,7 +239,7 @@ class Search:
                 A,
                 M,
                 C,
-                now.x,
+                now.p,
                 law.look,
                 part=part,
                 most=self.most,
@@ -168,10 +250,10 @@ class Search:
             count += change.iterations
             if part is None:
                 add = partial(vectors.elementwise, vectors.xp.add)
-                p, u = add(now.x, change.p), add(now.u, change.u)
+                p, u = add(now.p, change.p), add(now.u, change.u)
                 gap, now = change.gap, Iterate(p, u, C, is_exact=False)
             else:
-                p = part.put(part.cut(now.x) + change.p, now.x)
+                p = part.put(part.cut(now.p) + change.p, now.p)
                 gap = part.put(change.gap, law.look.gap)
             if change.is_solved or A.exhausted:
                 break
@@ -186,15 +268,15 @@ class Search:
         if part is not None or not is_admissible:
             p = p if is_admissible else self.clip(p)
             if is_bounded:
-                C |= self.sets_of(p)
+                C |= self.set_of(p)
             if law.residual > ROUGH:
                 return Iterate(p, self._follow(A, now, p), C, is_exact=False), count
             return Iterate(p, A(p), C), count
-        return replace(now, sets=C), count
+        return replace(now, C=C), count
 
     def _follow(self, A: Products, now: Iterate, p: Array) -> Array:
         """Return the displacements by other pressures than those of an iterate, without digits."""
-        change = p - now.x
+        change = p - now.p
         largest = A.vectors.peak(change) or 1.0
         following: Array = now.u + largest * A(A.vectors.cast(change / largest, self.inverse.dtype))
         return following
@@ -221,8 +303,8 @@ class Search:
             C = self.z == self.lowest
         return C
 
-    def sets_of(self, p: Array) -> Array:
-        """Return the elements that are pressed, by less than the hardness."""
+    def set_of(self, p: Array) -> Array:
+        """Return the set of pressures: the elements that are pressed, by less than the hardness."""
         return (p > 0.0) & (p < self.most)
 
     def clip(self, p: Array) -> Array:
@@ -239,7 +321,7 @@ class Search:
             p *= self.total / vectors.sum(p)
             return p
         lack = self.total - vectors.sum(p)
-        share = xp.where(self.sets_of(p), p if lack < 0.0 else self.most - p, 0.0)
+        share = xp.where(self.set_of(p), p if lack < 0.0 else self.most - p, 0.0)
         room = vectors.sum(share)
         if abs(lack) > room:
             return self.project(p)
