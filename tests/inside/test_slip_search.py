@@ -13,11 +13,10 @@ from toeplitz_mg.contact import Material
 from toeplitz_mg.contact.dense import DenseMatrix
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Displacements, Products
-from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
-from toeplitz_mg.contact.tangential.given_loads import Loads, look
 from toeplitz_mg.contact.tangential.iteration import Iteration
+from toeplitz_mg.contact.tangential.law import Areas, Problem, clip, linearise, size
+from toeplitz_mg.contact.tangential.loads import Loads, look
 from toeplitz_mg.contact.tangential.newton import solve_on_tangents
-from toeplitz_mg.contact.tangential.problem import Problem, linearise
 from toeplitz_mg.contact.tangential.settling import settle
 from toeplitz_mg.engine.vectors import Vectors, gram
 

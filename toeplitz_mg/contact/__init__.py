@@ -12,12 +12,16 @@ from toeplitz_mg.contact.results import (
 )
 from toeplitz_mg.contact.results.files import load
 from toeplitz_mg.contact.subsurface import Stresses, subsurface_stresses
-from toeplitz_mg.contact.tangential.curves import CreepCurve, creep_curve
 from toeplitz_mg.contact.tangential.friction import friction
-from toeplitz_mg.contact.tangential.kalker import KalkerCoefficients, kalker_coefficients
 from toeplitz_mg.contact.tangential.rolling import rolling
-from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.tangential.solving import SteadyOptions
 from toeplitz_mg.contact.tangential.steps import rolling_steps
+from toeplitz_mg.contact.tangential.tables import (
+    CreepCurve,
+    KalkerCoefficients,
+    creep_curve,
+    kalker_coefficients,
+)
 from toeplitz_mg.contact.theory import HertzContact, hertz
 from toeplitz_mg.contact.unlike.frictional import frictional_contact, frictional_rolling
 from toeplitz_mg.halfspace import Material

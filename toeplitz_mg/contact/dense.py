@@ -14,6 +14,11 @@ from toeplitz_mg.operators import CoupledOperator
 LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
 
 
+def precision_for(unit: float) -> type[np.floating[Any]]:
+    """Return single precision, where the diagonal of a matrix is in its range, or double."""
+    return np.float32 if LEAST_UNIT < unit < MOST_UNIT else np.float64
+
+
 class DenseMatrix:
     """A matrix on the elements in contact, as an array.
 
@@ -43,9 +48,7 @@ class DenseMatrix:
                 if block is not None:
                     lags = block.lags.ravel()
                     self.array[i * m :, j * m :][:m, :m] = lags[lag + len(lags) // 2]
-        is_single = LEAST_UNIT < self.array[0, 0] < MOST_UNIT
-        # In single precision, where its range is that of the numbers.
-        self._rough_inverse = _invert(self.array.astype(np.float32) if is_single else self.array)
+        self._rough_inverse = _invert(self.array.astype(precision_for(self.array[0, 0])))
         for array in (self.array, self._rough_inverse):
             array.flags.writeable = False
 

@@ -11,8 +11,7 @@ from math import prod
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.kept import keep
+from toeplitz_mg.contact.grid import Grid, keep
 
 FEWEST = 10  # Elements across a contact below which its area and pressures are rough guesses.
 STEEP = 1.0  # Slope from which the gap is steep: half-spaces are for slopes far below it.

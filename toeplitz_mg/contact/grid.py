@@ -2,18 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial, wraps
 from math import prod
 from typing import Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import DTypeLike
 
-from toeplitz_mg._typing import Array, Mask
+from toeplitz_mg._typing import Array, Element, Mask
 from toeplitz_mg.contact.coarsening import coarsen, refine
 from toeplitz_mg.contact.dense import DenseMatrix
-from toeplitz_mg.contact.elements import read_periodic, read_reference, read_sizes
-from toeplitz_mg.contact.kept import keep
 from toeplitz_mg.contact.window import Window, box_around, ends_of
 from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.halfspace import CombinedMaterial
@@ -31,9 +29,12 @@ from toeplitz_mg.preconditioners.choice import quick_fsai
 from toeplitz_mg.preconditioners.runs import InverseOnRuns
 from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
-from toeplitz_mg.values import in_range
+from toeplitz_mg.values import field, in_range, positive
 
-SMALL = 2**11  # Most elements of a grid whose matrices are kept: half a megabyte each, at most.
+# What is computed of small grids is kept for the next case, as tables are made of many on one grid
+# whose matrices take longer than a case. It is kept by all that a grid is, and never changed.
+SMALL = 2**11  # Most elements of such a grid: half a megabyte each matrix, at most.
+KEPT = 32  # Results of a function that are kept, by default.
 # Most unknowns of a matrix that is kept as an array, to be solved directly, and how many are kept:
 # one of 640 takes 7 MB.
 DENSE, ARRAYS = 640, 8
@@ -41,6 +42,17 @@ COARSEST = 32  # Elements along the longest axis from which nested iteration coa
 COARSEST_LINE = 256  # Those of a line, where products take little beside the calls of more grids.
 
 Asked = TypeVar("Asked")
+
+
+def keep(function: Callable[..., Asked], most: int = KEPT) -> Callable[..., Asked]:
+    """Let a function of a grid, and of what can be hashed, keep what it returns for small grids."""
+    kept = lru_cache(maxsize=most)(function)
+
+    @wraps(function)
+    def look_up(grid: Any, *arguments: Any) -> Asked:
+        return (kept if grid.is_small else function)(grid, *arguments)
+
+    return look_up
 
 
 @dataclass(frozen=True)
@@ -94,11 +106,11 @@ class Grid:
         """
         if isinstance(element, Grid):
             return cast(Self, element)
-        sizes = read_sizes(shape, element)
+        sizes = _read_sizes(shape, element)
         material = combine(material)
         in_range("G", material.G)
-        repeats = read_periodic(periodic, len(shape))
-        distance = read_reference(reference, shape, sizes, repeats)
+        repeats = _read_periodic(periodic, len(shape))
+        distance = _read_reference(reference, shape, sizes, repeats)
         # In line contact lateral tractions are the exception.
         grid = cls(shape, sizes, material, distance, repeats, directions="xy"[: len(shape)])
         if grid.has_free_mean and max(shape) == 1:
@@ -309,3 +321,59 @@ class Grid:
         """Return the coefficients of a grid that is one element longer, which has those ahead."""
         longer = (self.shape[0] + 1, *self.shape[1:])
         return evaluate_all(self.directions, longer, self.element, self.material, self.reference)
+
+
+def _read_sizes(shape: tuple[int, ...], element: Element) -> tuple[float, ...]:
+    """Return the sizes of an element of a grid, or say what is wrong with them, or with the grid.
+
+    There are two, along x and y, or of strips of infinite length one.
+    """
+    if len(shape) not in (1, 2) or min(shape) < 1:
+        raise ValueError(
+            f"the grid has shape {shape}, but must be (n1, n2), or (n,) for line contact"
+        )
+    given = np.atleast_1d(field("element", element))
+    sizes = tuple(given.ravel().tolist())
+    if given.ndim > 1 or len(sizes) not in (1, 2) or len(sizes) < len(shape):
+        raise ValueError(
+            f"element is {element}, but the grid {shape} needs two sizes (h1, h2); line "
+            "contact also takes one, the width of strips of infinite length"
+        )
+    if not all(0.0 < h < np.inf for h in sizes):
+        raise ValueError(f"element is {element}, but its sizes must be positive and finite")
+    for value in (min(sizes), max(sizes)):
+        in_range("element", value)
+    return sizes
+
+
+def _read_periodic(periodic: Any, axes: int) -> tuple[bool, ...]:
+    """Return along which axes a surface repeats, or say what is wrong with what was given."""
+    given = tuple(periodic) if np.iterable(periodic) else (periodic,) * axes
+    if len(given) != axes or not all(isinstance(value, bool | np.bool_) for value in given):
+        raise ValueError(
+            f"periodic is {periodic!r}, but must be True or False, or one of these for each axis, "
+            "as (True, False)"
+        )
+    return tuple(map(bool, given))
+
+
+def _read_reference(
+    reference: float | None,
+    shape: tuple[int, ...],
+    sizes: tuple[float, ...],
+    periodic: tuple[bool, ...],
+) -> float:
+    """Return the distance at which a line load moves nothing: by default the length across it."""
+    ends = [axis for axis in range(len(sizes)) if not (*periodic, False)[axis]]
+    # One axis that ends, of a body that goes on for ever along the other, is a line contact.
+    is_line = len(ends) == 1 and (len(sizes) == 1 or any(periodic))
+    if reference is None:
+        axis = ends[0] if is_line else 0
+        return sizes[axis] * (*shape, 1)[axis]
+    if not is_line:
+        raise ValueError(
+            f"reference is {reference}, but only plane strain (an element of one size) and "
+            "a surface that repeats along one of two axes have a constant displacement that "
+            "it decides"
+        )
+    return positive("reference", reference)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.dense import LEAST_UNIT, MOST_UNIT
+from toeplitz_mg.contact.dense import precision_for
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.operators import ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.base import library_for
@@ -84,8 +84,7 @@ def invert_on(grid: Grid, A: Any, C: Array) -> Any:
         In single precision, unless A is too ill-conditioned for it, its numbers are out of range,
         or the elements so few that it saves nothing.
     """
-    is_in_range = LEAST_UNIT < grid.diagonal(A) < MOST_UNIT
-    dtype = np.float32 if is_in_range and grid.vectors.count(C) > FEW else np.float64
+    dtype = precision_for(grid.diagonal(A)) if grid.vectors.count(C) > FEW else np.float64
     everywhere = extend_to_components(grid, A, C)
     if is_fsai_worthwhile(_count(grid, A), partial(grid.fragmentation, C), 0.0):
         with suppress(np.linalg.LinAlgError):

@@ -18,10 +18,9 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import ContactError, TangentialResult
-from toeplitz_mg.contact.tangential.coulomb import direction, size
 from toeplitz_mg.contact.tangential.falling import follow
-from toeplitz_mg.contact.tangential.given_loads import Loads
-from toeplitz_mg.contact.tangential.problem import Problem, State
+from toeplitz_mg.contact.tangential.law import Problem, State, direction, size
+from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.engine.vectors import VECTORS
 
 FIRST_STEP = 0.1  # Longest first step, in creepages that make the bodies slide.

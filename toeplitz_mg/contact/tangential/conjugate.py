@@ -14,10 +14,8 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.inverse import invert_on
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.tangential.complement import Complement
-from toeplitz_mg.contact.tangential.coulomb import Areas, along
-from toeplitz_mg.contact.tangential.given_loads import Loads, Look, complement
-from toeplitz_mg.contact.tangential.problem import STIFFEST, Problem
+from toeplitz_mg.contact.tangential.law import STIFFEST, Areas, Problem, along
+from toeplitz_mg.contact.tangential.loads import Complement, Loads, Look, complement
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.operators import apply_to_rows
 

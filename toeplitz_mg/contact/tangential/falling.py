@@ -14,8 +14,8 @@ there may be several: then the law is made steep step by step.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,71 +23,13 @@ from scipy import fft
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results import ContactError, TangentialResult
-from toeplitz_mg.contact.tangential.coulomb import Areas, along, direction, size
+from toeplitz_mg.contact.tangential.law import Areas, direction, size
 from toeplitz_mg.values import in_range, numbers
 
 LEAST = 1e-10  # Least factor of the bound: with none at all an element would be no contact.
 SLIPS = 32  # Slips between which the steepest fall is looked for.
 SMALLEST = 1e-4  # The least of them, over the largest.
-DIFFERENCE = 1e-7  # Relative change of the slip by which the slope is computed.
-FLAT = 1e-6  # γ below which the slip says nothing of the size of the traction.
-TURN = 2.0  # Largest change of a traction across itself, over its size.
-THIN = 1e-6  # Least |q| over the bound by which the slip is divided.
 LEAST_STEP = 1 / 16  # Least step of the law from constant friction on, over the whole.
-
-
-@dataclass(frozen=True)
-class SlipLaw:
-    """The bound of each element by its slip.
-
-    Attributes
-    ----------
-    of_slip : callable
-        Takes the size of the slip over the distance rolled, and returns the bound.
-    h : float
-        The distance rolled in a step.
-    k0 : float
-        The diagonal of K.
-    part : float
-        That of the slip that friction depends on.
-    """
-
-    of_slip: Callable[[Array], Array]
-    h: float
-    k0: float
-    part: float = 1.0
-
-    def at(self, s: Array) -> Array:
-        """Return the bound of elements that slip by s in a step."""
-        return self.of_slip(self.part / self.h * np.maximum(s, 0.0))
-
-    def slope(self, s: Array) -> Array:
-        """Return γ at the slip s."""
-        s = np.maximum(s, 0.0)
-        step = DIFFERENCE * (s + (float(s.max(initial=0.0)) or self.h))
-        with np.errstate(invalid="ignore"):  # Of bonded elements.
-            return np.nan_to_num(self.k0 * (self.at(s + step) - self.at(s)) / step)
-
-    def within(self, extend: Callable[[Array], Array], cut: Callable[[Array], Array]) -> Self:
-        """Return the law of fields that are extended to those of this one, and cut from them."""
-        of_slip = self.of_slip
-        return replace(self, of_slip=lambda s: cut(of_slip(extend(s))))
-
-    def change(self, now: Any, areas: Areas, q: Array, v: Array, g: Array) -> tuple[Array, Array]:
-        """Return tractions that change by v, to be scaled, and the sizes they are to have.
-
-        Where elements slide that is the bound of the slip that the linear system predicts.
-        """
-        n, rho, slide = now.law.T.n, size(q), areas.slide
-        along_n = along(v, n)
-        across = v - n * along_n
-        turn = np.minimum(1.0, TURN * rho / np.where(size(across) > 0.0, size(across), 1.0))
-        gamma, bound, s = now.law.slope, now.law.bound, along(now.law.minus_slip, n)
-        predicted = rho + along_n
-        flat = np.abs(gamma) <= FLAT
-        s = s + np.where(flat, 0.0, (predicted - bound) * self.k0 / np.where(flat, 1.0, gamma))
-        radius = np.where(gamma > 1.0, np.maximum(predicted, np.minimum(g, bound)), self.at(s))
-        return q + np.where(slide, across * turn, v), np.where(slide, radius, g)
 
 
 def follow(find: Callable[..., Any], K: Any, problem: Any, loads: Any, guess: Any = None) -> Any:

@@ -13,10 +13,16 @@ import numpy as np
 from scipy.linalg import lapack
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.tangential.coulomb import Areas, Tangent, along
-from toeplitz_mg.contact.tangential.falling import FLAT
-from toeplitz_mg.contact.tangential.given_loads import CARRIED, Loads, Look, complement
-from toeplitz_mg.contact.tangential.problem import STIFFEST, Linearisation, Problem
+from toeplitz_mg.contact.tangential.law import (
+    FLAT,
+    STIFFEST,
+    Areas,
+    Linearisation,
+    Problem,
+    Tangent,
+    along,
+)
+from toeplitz_mg.contact.tangential.loads import CARRIED, Loads, Look, complement
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.preconditioners.causal import ShiftedInverses
 

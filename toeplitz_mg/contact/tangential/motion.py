@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import check_force, widen
 from toeplitz_mg.contact.doubts import examine_moment
-from toeplitz_mg.contact.kept import keep
-from toeplitz_mg.contact.tangential.coulomb import size
+from toeplitz_mg.contact.grid import keep
+from toeplitz_mg.contact.tangential.law import size
 from toeplitz_mg.values import field, finite, in_range, refuse_masked
 
 CREEPAGES = ("longitudinal", "lateral", "spin")

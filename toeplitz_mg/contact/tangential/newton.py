@@ -14,11 +14,10 @@ from scipy.linalg import lapack
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.dense import DenseMatrix
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.tangential.coulomb import Areas
-from toeplitz_mg.contact.tangential.given_loads import Loads, Look
-from toeplitz_mg.contact.tangential.leading_edge import roll_backwards
-from toeplitz_mg.contact.tangential.problem import STIFFEST, Linearisation, Problem, State, admit
+from toeplitz_mg.contact.tangential.law import STIFFEST, Areas, Linearisation, Problem, State, admit
+from toeplitz_mg.contact.tangential.loads import Loads, Look
 from toeplitz_mg.contact.tangential.settling import settle
+from toeplitz_mg.contact.tangential.starts import roll_backwards
 
 
 def find_directly(

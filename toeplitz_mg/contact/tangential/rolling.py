@@ -20,15 +20,21 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.by_loads import SLIPS, check_loads, find_by_slip
-from toeplitz_mg.contact.tangential.coulomb import ROUNDING as ROUNDED
-from toeplitz_mg.contact.tangential.coulomb import Areas, size
-from toeplitz_mg.contact.tangential.falling import SlipLaw, examine, follow, multiply
-from toeplitz_mg.contact.tangential.friction import make_result
-from toeplitz_mg.contact.tangential.given_loads import Loads
+from toeplitz_mg.contact.tangential.falling import examine, follow, multiply
+from toeplitz_mg.contact.tangential.friction import make_result, slide_off
+from toeplitz_mg.contact.tangential.law import ROUNDING as ROUNDED
+from toeplitz_mg.contact.tangential.law import (
+    Areas,
+    Problem,
+    SlipLaw,
+    State,
+    admit,
+    drop_rounding,
+    size,
+)
+from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.contact.tangential.motion import LOADS, BeyondBound, Motion
-from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
-from toeplitz_mg.contact.tangential.shifting import slide_off
-from toeplitz_mg.contact.tangential.steady import SteadyOptions, find_steady_state
+from toeplitz_mg.contact.tangential.solving import SteadyOptions, find_steady_state
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
 

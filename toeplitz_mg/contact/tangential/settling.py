@@ -19,15 +19,14 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Displacements, Products
-from toeplitz_mg.contact.tangential.coulomb import Areas, along, scale_to_bound, size
-from toeplitz_mg.contact.tangential.given_loads import (
+from toeplitz_mg.contact.tangential.law import Areas, Problem, State, along, scale_to_bound, size
+from toeplitz_mg.contact.tangential.loads import (
     Loads,
     Look,
     carry,
     find_displacements,
     look,
 )
-from toeplitz_mg.contact.tangential.problem import Problem, State
 
 EXACT = 0.1  # Part of the tolerance by which displacements in the end may be off.
 HOPE = 5  # Steps without progress, after which each is made in part only.

@@ -21,12 +21,11 @@ from toeplitz_mg.contact.checks import check_iteration, check_previous, check_ro
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.tangential.coulomb import clip
-from toeplitz_mg.contact.tangential.given_loads import Loads
+from toeplitz_mg.contact.tangential.law import Problem, admit, clip, drop_rounding
+from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
-from toeplitz_mg.contact.tangential.problem import Problem, admit, drop_rounding
 from toeplitz_mg.contact.tangential.rolling import make_rolling_result
-from toeplitz_mg.contact.tangential.shifted import solve
+from toeplitz_mg.contact.tangential.solving import solve_shifted
 from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
@@ -182,7 +181,7 @@ def roll_steps(
                 least = vectors.max(np.abs(w))
                 problem = Problem(grid, g, b, asked.tolerance, least, progress)
                 guess = admit(problem, clip(q, g), np.zeros(g.shape, bool))
-                state = solve(problem, loads, products, guess, nested=False)
+                state = solve_shifted(problem, loads, products, guess, nested=False)
             cost = products.count + 1, products.units(work)
             state, cost = window.same((state, cost))
             q, slip = state.q, (state.u - b - vectors.combine(state.shift, loads.units)) / h

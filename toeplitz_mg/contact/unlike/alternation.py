@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.acceleration import Pairs, accelerate, extend
 from toeplitz_mg.contact.checks import SLIDES, measure_from_contact
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal import problem as normal
@@ -22,12 +21,15 @@ from toeplitz_mg.contact.normal import starts
 from toeplitz_mg.contact.normal.search import Iterate, Search
 from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
-from toeplitz_mg.contact.tangential import friction, shifted
-from toeplitz_mg.contact.tangential.given_loads import Loads
-from toeplitz_mg.contact.tangential.problem import Problem, State, admit, drop_rounding
-from toeplitz_mg.contact.tangential.shifting import slide_off
+from toeplitz_mg.contact.tangential import friction
+from toeplitz_mg.contact.tangential.friction import slide_off
+from toeplitz_mg.contact.tangential.law import Problem, State, admit, drop_rounding
+from toeplitz_mg.contact.tangential.loads import Loads
+from toeplitz_mg.contact.tangential.solving import solve_shifted
 from toeplitz_mg.contact.window import MARGIN, Window
 from toeplitz_mg.operators import apply_to_rows
+
+DEPTH = 2  # Differences of pairs that are combined: more of them save nothing, or lead astray.
 
 
 @dataclass(frozen=True)
@@ -277,7 +279,7 @@ class Shifting:
         if self.q is not None:
             slide = np.zeros(self.grid.shape, bool) if self.slide is None else self.slide
             guess = admit(problem, window.cut(self.q), window.cut(slide))
-        state = shifted.solve(problem, loads, products, guess, nested=self.nested)
+        state = solve_shifted(problem, loads, products, guess, nested=self.nested)
         return state if len(loads.wanted) else replace(state, shift=np.zeros(len(problem.b)))
 
     def _slides(self, g: Array) -> bool:
@@ -383,7 +385,7 @@ def alternate(
     residuals : tuple of float
         The violation in each iteration.
     """
-    pairs: Pairs = []
+    pairs: list[tuple[Array, Array]] = []
     residuals: list[float] = []
     while True:
         q = shear(p)
@@ -391,5 +393,23 @@ def alternate(
         report.look(residuals[-1])
         if residuals[-1] <= tolerance or len(residuals) == most or report.exhausted:
             return p, q, tuple(residuals)
-        pairs = extend(pairs, p, pressing.solve(q, p))
-        p = pressing.balance(accelerate(pairs))
+        pairs = [*pairs, (p, pressing.solve(q, p))][-DEPTH - 1 :]
+        p = pressing.balance(_accelerate(pairs))
+
+
+def _accelerate(pairs: list[tuple[Array, Array]]) -> Array:
+    """Return pressures near the fixed point of a map, from some and what it makes of them.
+
+    By Anderson's method, of the affine combinations of the pairs x, y it is y of the one in which
+    y - x is least. Where that is negative, or y of the last pair is zero, it is this y.
+    """
+    _, image = pairs[-1]
+    if len(pairs) == 1:
+        return image
+    steps = [y - x for x, y in pairs]
+    differences = [(steps[-1] - step).ravel() for step in steps[:-1]]
+    weights, *_ = np.linalg.lstsq(np.stack(differences, axis=1), steps[-1].ravel(), rcond=None)
+    mixed = image.copy()
+    for weight, (_, earlier) in zip(weights, pairs[:-1], strict=True):
+        mixed -= weight * (image - earlier)
+    return np.where((image > 0.0) & (mixed > 0.0), mixed, image)

@@ -30,11 +30,11 @@ from toeplitz_mg.contact.results import (
     TangentialResult,
     check_converged,
 )
-from toeplitz_mg.contact.tangential.given_loads import Loads
+from toeplitz_mg.contact.tangential.friction import add_shifts, as_given, is_field
+from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
 from toeplitz_mg.contact.tangential.rolling import Rolled, roll
-from toeplitz_mg.contact.tangential.shifting import add_shifts, as_given, is_field
-from toeplitz_mg.contact.tangential.steady import SteadyOptions
+from toeplitz_mg.contact.tangential.solving import SteadyOptions
 from toeplitz_mg.contact.unlike.alternation import (
     Coupling,
     Pressing,

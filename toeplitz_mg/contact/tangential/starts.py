@@ -1,11 +1,15 @@
-"""Where the search by loads starts where friction carries little more: from bodies that slide.
+"""Where the search for the steady state of rolling starts: from the leading edge, or from sliding.
 
-Near full sliding the loads hardly depend on how large the creepages are, and creepages that grow
-step by step are taken back wherever elements turn out to stick. But where all slides the tractions
-are g times the direction of minus the slip, b + Uξ - u (Eq. 3), so that of displacements u that are
-known the creepages ξ follow from the loads, a few equations without any product. The displacements
-are those of the tractions of before: at first there are none where the slip is large that is given
-in b, and else those of sliding by the creepages of which the loads would be the largest.
+*From the leading edge backwards*, as Kalker's simplified theory does: from one element to the next
+the tractions grow as they would without slip, and where they exceed the bound they are cut to it.
+
+*From bodies that slide*, where loads are given and friction carries little more. There the loads
+hardly depend on how large the creepages are, and creepages that grow step by step are taken back
+wherever elements turn out to stick. But where all slides the tractions are g times the direction of
+minus the slip, b + Uξ - u (Eq. 3), so that of displacements u that are known the creepages ξ follow
+from the loads, a few equations without any product. The displacements are those of the tractions of
+before: at first there are none where the slip is large that is given in b, and else those of
+sliding by the creepages of which the loads would be the largest.
 
 Elements that stick are found from here one after the other. On a line where some do the solution
 on the next coarser grid is the better start: from there 1 of 1,300 lines takes more than 2.5 times
@@ -19,12 +23,13 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.products import Products
-from toeplitz_mg.contact.tangential.complement import Complement, inner_products
-from toeplitz_mg.contact.tangential.coulomb import Areas, direction, size
-from toeplitz_mg.contact.tangential.given_loads import Loads
-from toeplitz_mg.contact.tangential.problem import Problem, admit
+from toeplitz_mg.contact.tangential.law import Areas, Problem, admit, direction, size
+from toeplitz_mg.contact.tangential.loads import Complement, Loads, inner_products
 from toeplitz_mg.engine.vectors import Vectors
 
+# Part of the bound beyond which elements are taken to slide, where some exceed it: tractions that
+# are cut elsewhere are carried by others.
+NEARLY = 0.6
 NEAR = 0.9  # Part of the loads that friction carries beyond which little sticks.
 # What the loads lack of that, over what an element carries, below which hardly an element sticks.
 HARDLY = 0.1
@@ -42,6 +47,32 @@ FACTORS = 3.0, 10.0, 30.0, 1.0, 100.0
 # slip turns around it, and no sliding tractions have the loads.
 STICKING = 1.0
 MOST = 100  # Evaluations of the equations from each of those.
+
+
+def roll_backwards(bonded: Array, g: Array) -> tuple[Array, Array]:
+    """Return tractions that grow as those without slip, within the bound, and where they slide.
+
+    Parameters
+    ----------
+    bonded : ndarray of shape (components, ...)
+        The tractions without slip.
+    g : ndarray
+        The traction bound.
+    """
+    q = bonded[0] if len(bonded) == 1 else bonded[0] + 1j * bonded[1]  # In the plane.
+    growth = q.copy()
+    growth[:-1] -= q[1:]
+    now, sizes = np.zeros_like(q[0]), np.empty(g.shape)
+    for i in range(len(g) - 1, -1, -1):
+        now = now + growth[i]
+        of_row = np.abs(now, out=sizes[i, ...])
+        exceeds = of_row > g[i]
+        now = now * np.divide(g[i], of_row, where=exceeds, out=np.ones(of_row.shape))
+        q[i] = now
+    slide = sizes > g
+    if slide.any():
+        slide = sizes > NEARLY * g
+    return (q[None] if len(bonded) == 1 else np.stack([q.real, q.imag])), slide
 
 
 def guess_sliding(

@@ -1,9 +1,14 @@
-"""The steady state of rolling, directly: the areas of stick and slip for a matrix not symmetric.
+"""Areas of stick and slip, of bodies that are shifted and of bodies that roll, from a first guess.
 
-Of few elements the matrix is an array (`newton`); of many, approximate inverses and acceleration do
-(`iteration`). Of few the search starts from the leading edge, of many from the solution on elements
-of twice the size. Where the areas do not settle, rolling step by step leads on, and where loads are
-given a search for their creepages (`by_loads`).
+Both are searched for by `settling`, of few elements with the matrix as an array (`newton`). Of many
+what makes a step is another. The matrix A of bodies that are *shifted* is symmetric: conjugate
+gradients do (`conjugate`); and where the areas do not settle projected gradients lead out of those
+that come back, as the energy ½ q·Aq - b·q is convex.
+
+Of bodies that *roll* steadily the matrix K = A - S is not symmetric: approximate inverses and
+acceleration do (`iteration`). Of few elements the search starts from the leading edge, of many from
+the solution on elements of twice the size. Where the areas do not settle, rolling step by step
+leads on, and where loads are given a search for their creepages (`by_loads`).
 
 The approximate inverses are of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν. Where
 elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size: in
@@ -11,11 +16,6 @@ each place the inverses are interpolated to its λ. That of K itself is right at
 it sticks, too (see `preconditioners.causal`), and on fragmented areas made of their runs (see
 `preconditioners.runs`). So the products do not depend on the number of elements. (With one ν for
 all, they doubled from 128² elements to 512²; without the edges, they grew by up to 1.5.)
-
-Where loads are given, a change of the tractions takes up what is missing of them; the rest of it is
-orthogonal to the fields whose inner products with tractions the loads are, and the slip that it
-removes to the rigid slip by unknown creepages, which follow from that. So a case by force takes
-about as many products as one by creepage.
 """
 
 from dataclasses import dataclass, replace
@@ -24,22 +24,33 @@ from functools import partial
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.dense import LEAST_UNIT, MOST_UNIT
+from toeplitz_mg.contact.dense import precision_for
 from toeplitz_mg.contact.grid import COARSEST
-from toeplitz_mg.contact.inverse import invert_steady
+from toeplitz_mg.contact.inverse import extend_to_components, invert_steady
 from toeplitz_mg.contact.products import Products
+from toeplitz_mg.contact.projected_gradients import descend
 from toeplitz_mg.contact.tangential.by_loads import roll_by_creepages, search_creepages
-from toeplitz_mg.contact.tangential.coulomb import Areas, clip, size
-from toeplitz_mg.contact.tangential.given_loads import Loads
+from toeplitz_mg.contact.tangential.conjugate import ConjugateSteps
 from toeplitz_mg.contact.tangential.iteration import Iteration
-from toeplitz_mg.contact.tangential.near_sliding import guess_sliding
+from toeplitz_mg.contact.tangential.law import (
+    Areas,
+    Problem,
+    State,
+    admit,
+    clip,
+    largest_bound,
+    size,
+)
+from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.contact.tangential.newton import find_directly
-from toeplitz_mg.contact.tangential.problem import Problem, State, admit, largest_bound
 from toeplitz_mg.contact.tangential.settling import settle
-from toeplitz_mg.contact.tangential.shifted import COARSE_PRODUCTS, coarsen_each, solve
+from toeplitz_mg.contact.tangential.starts import guess_sliding
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count
 
+COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
+PATIENCE = 12  # Changes of the areas without progress, after which projected gradients descend.
+RESCUE = 40  # Steps of projected gradients: enough to leave areas that come back.
 # Ratio of what tractions lack of the bound on one side of an edge to slip/k₀ on the other: 0.5
 # leaves about the fewest elements in the wrong area; 0.25 and 1.0 leave up to twice as many.
 EDGE = 0.5
@@ -82,6 +93,77 @@ class SteadyOptions:
             count(name, getattr(self, name))
 
 
+def solve_shifted(
+    problem: Problem,
+    loads: Loads,
+    A: Products,
+    guess: tuple[Array, Areas] | None = None,
+    *,
+    nested: bool,
+) -> State:
+    """Find the tractions and the areas of stick and slip of bodies that are shifted.
+
+    Parameters
+    ----------
+    problem : Problem
+    loads : Loads
+        The loads that are given in the place of a shift.
+    A : Products
+    guess : (ndarray, Areas), optional
+        Admissible tractions to start from, that are not too far off, and their areas.
+    nested : bool
+        Whether to start from the solution on coarser grids, where there is no guess.
+
+    Returns
+    -------
+    State
+        Its shift is that which belongs to the loads.
+    """
+    grid, C = problem.grid, problem.g > 0.0
+    if not grid.vectors.count(C):
+        nothing, nowhere = np.zeros_like(problem.b), np.zeros_like(C)
+        areas = Areas(nowhere, nowhere)
+        return State(nothing, nothing, areas, np.zeros(len(loads.wanted)), residual=0.0)
+    array = grid.dense(C, steady=False)
+    if guess is None:
+        guess = _guess_shifted(problem, loads, nested=nested and array is None)
+    iterations: tuple[int, ...] = ()
+    if array is not None:
+        state = find_directly(problem, loads, A, array, guess, PATIENCE)
+        if state.residual <= problem.tolerance or A.exhausted:
+            return state
+        guess, iterations = (state.q, state.areas), state.iterations
+    q, areas = np.ascontiguousarray(guess[0][:, C]), Areas(guess[1].stick[C], guess[1].slide[C])
+    few, some, vectors = problem.restrict(C), loads.restrict(C), problem.vectors
+    products = Products(grid.restrict(A.A, extend_to_components(grid, A.A, C)), A.limit)
+    products.count = A.count
+    step = ConjugateSteps(few, some, products, (grid, A.A, C))
+    dtype = precision_for(grid.diagonal(A.A))
+    project = partial(some.project, g=few.g, vectors=vectors)
+    while True:
+        state = settle(few, some, products, (q, areas), step, PATIENCE, dtype)
+        iterations += state.iterations
+        if state.residual <= problem.tolerance or products.exhausted:
+            break
+        L, start = products.A.norm_bound, project(state.q)
+        q, _ = descend(products, few.b, start, project, L, RESCUE, vectors)
+        areas = Areas.of(q, few.g)
+    A.count = products.count
+    return replace(state, iterations=iterations).extend(C)
+
+
+def _guess_shifted(problem: Problem, loads: Loads, *, nested: bool) -> tuple[Array, Areas]:
+    """Return admissible tractions to start from, and areas."""
+    coarse, grid = problem.coarser() if nested else None, problem.grid
+    if coarse is None:
+        q = loads.spread(problem.g, problem.vectors) + np.zeros(problem.b.shape)
+        return admit(problem, q, np.zeros(problem.g.shape, bool))
+    A = Products(coarse.grid.tangential(), COARSE_PRODUCTS)
+    state = solve_shifted(coarse, loads.coarser(grid, coarse), A, nested=True)
+    slide = grid.refine(state.areas.slide.astype(np.float64)) > 0.5
+    return admit(problem, grid.refine(state.q), slide)
+
+
 def find_steady_state(
     problem: Problem,
     loads: Loads,
@@ -112,11 +194,10 @@ def find_steady_state(
     State
         Its shift is the unknown creepages.
     """
-    patience = options.patience
+    grid, patience = problem.grid, options.patience
     iterations: tuple[int, ...] = ()
     best: State | None = None
-    array = problem.grid.dense(problem.g > 0.0, steady=True)
-    grid = problem.grid
+    array = grid.dense(problem.g > 0.0, steady=True)
     # What is not solved directly has at least that for a coarser grid which is.
     coarsest = 1 if array is None else COARSEST
     from_coarser = partial(_guess_from_coarser_grids, problem, loads, options, coarsest)
@@ -132,9 +213,7 @@ def find_steady_state(
         if state.residual <= problem.tolerance or K.exhausted:
             return replace(state, iterations=(sum(state.iterations),))
         best, guess, iterations = state, (state.q, state.areas), (sum(state.iterations),)
-    k0 = grid.diagonal(K.A)
-    dtype = np.float32 if LEAST_UNIT < k0 < MOST_UNIT else np.float64
-    M = invert_steady(grid, K.A, problem.g > 0.0, dtype)
+    M = invert_steady(grid, K.A, problem.g > 0.0, precision_for(grid.diagonal(K.A)))
     if guess is None:
         guess = admit(problem, np.zeros(problem.b.shape), np.zeros(problem.g.shape, bool))
     accuracy, creepages, depth = LOOSE, np.zeros(len(loads.wanted)), options.iterations
@@ -174,9 +253,7 @@ def _guess_from_coarser_grids(
     # The rigid slip in a step is in proportion to the step.
     fine, grid = problem.grid, coarse.grid
     longer = grid.element[0] / fine.element[0]
-    coarse = replace(coarse, b=coarse.b * longer)
-    units, arms = (coarsen_each(fine, fields, coarse.b) for fields in (loads.units, loads.arms))
-    loads = Loads(longer * units, grid.area / fine.area * arms, loads.wanted)
+    coarse, loads = replace(coarse, b=coarse.b * longer), loads.coarser(fine, coarse, longer)
     K = Products(grid.steady(grid.tangential()), COARSE_PRODUCTS)
     if problem.falling is not None:
         law = replace(problem.falling, h=grid.element[0], k0=grid.diagonal(K.A))
@@ -211,7 +288,7 @@ def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
         tolerance = max(problem.tolerance, STEP_TOLERANCE)
         step = replace(problem, b=b, tolerance=tolerance, progress=K.tell_more)
         guess = admit(step, clip(q, step.g), np.zeros(step.g.shape, bool))
-        q = solve(step, Loads.of_sums(None, q), products, guess, nested=False).q
+        q = solve_shifted(step, Loads.of_sums(None, q), products, guess, nested=False).q
         K.count += products.count + 1
         if K.exhausted:
             break
