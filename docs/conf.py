@@ -48,6 +48,7 @@ PACKAGES = {
     "toeplitz_mg.paper.problems": "Problems of the paper, contact.problems",
     "toeplitz_mg.paper.algorithm": "The paper in one file",
     "toeplitz_mg.halfspace": "Half-spaces",
+    "toeplitz_mg.covariances": "Covariances",
     "toeplitz_mg.fractional": "Fractional derivatives",
     "toeplitz_mg.slabs": "Several machines",
 }

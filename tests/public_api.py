@@ -16,6 +16,7 @@ from scipy.sparse.linalg import LinearOperator
 FILE = Path(__file__).parent / "public_api.txt"
 PACKAGES = (
     "toeplitz_mg",
+    "toeplitz_mg.covariances",
     "toeplitz_mg.fractional",
     "toeplitz_mg.halfspace",
     "toeplitz_mg.contact",

@@ -82,7 +82,7 @@ def public_names():
     """What has a page in the API of the site; the names of a cluster need an MPI."""
     names = []
     packages = [tmg, tmg.contact, tmg.contact.surfaces, tmg.contact.problems]
-    packages += [tmg.halfspace, tmg.fractional]
+    packages += [tmg.halfspace, tmg.fractional, tmg.covariances]
     if find_spec("mpi4py"):
         packages.append(importlib.import_module("toeplitz_mg.slabs"))
     for package in packages:

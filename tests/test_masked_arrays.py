@@ -13,7 +13,7 @@ import scipy.sparse.linalg
 import toeplitz_mg as tmg
 from tests.systems import PRECONDITIONERS
 from tests.test_base import OPERATORS
-from toeplitz_mg import contact, fractional, halfspace
+from toeplitz_mg import contact, covariances, fractional, halfspace
 from toeplitz_mg.contact import problems, surfaces
 
 A = tmg.ToeplitzOperator(0.5 ** np.arange(4.0))
@@ -141,6 +141,12 @@ for method in (PROCESS.logpdf, PROCESS.logpdf_and_grad, PROCESS.conditional):
 use(PROCESS.rvs, size=2)
 use(fractional.riesz_coefficients, order=1.5, n=4)
 use(fractional.grunwald_coefficients, order=1.5, n=4)
+use(covariances.WhiteNoise, variance=1.0)
+use(covariances.Exponential, variance=1.0, length=(1.0, 2.0))
+use(covariances.Matern, variance=1.0, length=1.0, nu=1.5)
+custom = functools.partial(covariances.Custom, np.multiply, ["x", "y"])
+use_as("Custom", custom, theta=[1.0, 2.0], bounds=[(0.0, 2.0), (1.0, 3.0)])
+use_as("Covariance", covariances.Exponential().with_theta, theta=[1.0, 2.0])
 use(surfaces.centres, shape=SHAPE, element=ELEMENT)
 use(surfaces.sphere, shape=SHAPE, element=ELEMENT, radius=9.0)
 use(surfaces.ellipsoid, shape=SHAPE, element=ELEMENT, radii=(9.0, 9.0))
@@ -166,6 +172,9 @@ WITHOUT_NUMBERS = {
     ),
     *("componentwise", "count_products", "contact", "fractional", "halfspace", "problems"),
     "surfaces",
+    *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
+    *("componentwise", "count_products", "contact", "covariances", "fractional", "halfspace"),
+    *("problems", "surfaces"),
     *("linear_interpolation", "modulated_interpolation", "piecewise_constant"),
 }
 
@@ -185,7 +194,7 @@ def maskings(value):
 
 
 def test_all_that_is_public_is_tried():
-    public = {*tmg.__all__, *contact.__all__, *halfspace.__all__}
+    public = {*tmg.__all__, *contact.__all__, *halfspace.__all__, *covariances.__all__}
     public |= {
         name
         for module in (surfaces, problems, fractional)

@@ -2,7 +2,7 @@
 
 # Before all others, as they take the time in which Ctrl-C may come.
 from toeplitz_mg import startup  # noqa: F401, I001
-from toeplitz_mg import contact, fractional, halfspace
+from toeplitz_mg import contact, covariances, fractional, halfspace
 from toeplitz_mg.multigrid_cycle import (
     Interpolation,
     Multigrid,
@@ -73,6 +73,7 @@ __all__ = [
     "contact",
     "cosine_preconditioner",
     "count_products",
+    "covariances",
     "default_preconditioner",
     "fft_preconditioner",
     "fft_rsm_preconditioner",

@@ -1,0 +1,494 @@
+"""Covariances of parameters: their values and derivatives at the lags of a grid; sums, products."""
+
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import reduce
+from math import inf
+from operator import mul
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.values import count, finite, in_range, numbers, positive
+
+POSITIVE = (0.0, inf)
+BOUNDS = {"nu": (0.0, 100.0), "hurst": (0.0, 1.0), "d": (-1.0, 0.5)}  # All others are positive.
+BY_AXIS = {"length", "period"}  # What may have a value for each axis.
+STEP = 6e-6  # Of central differences, relative to the parameter: eps^(1/3).
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a covariance; those of one argument, such as lengths by axis, are a group."""
+
+    name: str
+    group: str
+    value: float
+    low: float
+    high: float
+    is_free: bool = True
+
+    def __post_init__(self) -> None:
+        finite(self.name, self.value)
+        if not self.low < self.value < self.high:
+            rules = {
+                (0.0, inf): "be positive",
+                (-inf, inf): "be finite",
+            }
+            rule = rules.get((self.low, self.high), f"lie between {self.low:g} and {self.high:g}")
+            raise ValueError(f"{self.name} is {self.value!r}, but must {rule}")
+        if (self.low, self.high) == POSITIVE:
+            in_range(self.name, self.value)
+
+    def within(self, i: int) -> "Parameter":
+        """Return it as one of term i of a sum or product."""
+        return replace(self, name=f"{i}.{self.name}", group=f"{i}.{self.group}")
+
+
+class Lags:
+    """The lags of a grid: its shape, and the distances of its points."""
+
+    def __init__(self, n: Any, spacing: Any) -> None:
+        shape = n if isinstance(n, tuple | list) else (n,)
+        self.shape = tuple(count("n", each) for each in shape)
+        if not self.shape:
+            raise ValueError("n is (), but must be a number of points, or one for each axis")
+        given = spacing if isinstance(spacing, tuple | list) else (spacing,) * len(shape)
+        self.spacing = tuple(positive("spacing", each) for each in given)
+        if len(self.spacing) != len(self.shape):
+            raise ValueError(
+                f"spacing is {spacing!r}, but must be a number or have {len(self.shape)}, "
+                "one for each axis"
+            )
+        for each in self.spacing:
+            in_range("spacing", each)
+
+    def by_axis(self, values: tuple[Any, ...], group: str) -> tuple[Any, ...]:
+        """Return one value for each axis, from one for all of them or from as many."""
+        if len(values) not in (1, len(self.shape)):
+            raise ValueError(
+                f"{group} has {len(values)} values, but the grid has {len(self.shape)} axes: "
+                "give one for all of them, or one for each"
+            )
+        return values if len(values) > 1 else values * len(self.shape)
+
+    def counts(self) -> Iterator[Array]:
+        """Yield the numbers 0, 1, … of the points along each axis, for broadcasting."""
+        for axis, n in enumerate(self.shape):
+            shape = [1] * len(self.shape)
+            shape[axis] = n
+            yield np.arange(float(n)).reshape(shape)
+
+    def distances(self) -> Iterator[Array]:
+        """Yield the lags along each axis, for broadcasting."""
+        for k, spacing in zip(self.counts(), self.spacing, strict=True):
+            yield k * spacing if spacing != 1.0 else k
+
+    def steps(self, kind: str) -> int:
+        """Return the number of points, for a covariance of a process on one axis."""
+        if len(self.shape) > 1:
+            raise ValueError(f"{kind} is a process of one axis, but the grid has {self.shape}")
+        return self.shape[0]
+
+
+Derivatives = dict[str, Array]  # By the names of parameters.
+
+
+class Covariance:
+    """A stationary covariance on a regular grid, with its parameters.
+
+    All covariances of `toeplitz_mg.covariances` are of this class. They are immutable. ``k + l``
+    and ``k * l`` are the covariances with the sum and the product of the values, ``2.0 * k`` is a
+    multiple. Parameters of the terms of a sum or of a product have the number of the term before
+    their names: ``"0.variance"``, ``"1.length"``; where a term is a sum itself, ``"0.1.length"``.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The names of the free parameters. An argument with several values has a name for each:
+        ``"length[0]"`` is the length along the first axis, ``"ar.L1"`` the first coefficient of an
+        autoregression.
+    theta : ndarray of shape (p,)
+        Their values.
+    bounds : ndarray of shape (p, 2)
+        The intervals in which they must lie, without their ends.
+
+    See Also
+    --------
+    Custom : a covariance by a function of one's own.
+    toeplitz_mg.ToeplitzNormal : the normal distribution, ``ToeplitzNormal(k(n))``.
+
+    Notes
+    -----
+    With ``value, by_c, by_y = ToeplitzNormal(k(n)).logpdf_and_grad(y)`` the derivative of the
+    log-likelihood by `theta` is ``k.gradient(n) @ by_c``.
+
+    Examples
+    --------
+    >>> from toeplitz_mg import covariances
+    >>> k = covariances.Exponential(2.0, length=5.0) + covariances.WhiteNoise(0.1)
+    >>> k.names
+    ('0.variance', '0.length', '1.variance')
+    >>> k(3).round(4)
+    array([2.1   , 1.6375, 1.3406])
+    >>> k.fix("1.variance").theta
+    array([2., 5.])
+    """
+
+    __array_ufunc__ = None  # So that numbers of NumPy leave products to this class.
+    _parameters: tuple[Parameter, ...]
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        """Return the values, and the derivatives by the parameters of these names at least."""
+        raise NotImplementedError
+
+    def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
+        """Return it with other values of the parameters, or with others free."""
+        other = copy(self)
+        other._parameters = parameters
+        return other
+
+    @property
+    def _free(self) -> list[Parameter]:
+        return [p for p in self._parameters if p.is_free]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the free parameters."""
+        return tuple(p.name for p in self._free)
+
+    @property
+    def theta(self) -> Array:
+        """The values of the free parameters."""
+        return np.array([p.value for p in self._free], dtype=np.float64)
+
+    @property
+    def bounds(self) -> Array:
+        """The open intervals in which the free parameters must lie."""
+        return np.array([(p.low, p.high) for p in self._free], dtype=np.float64).reshape(-1, 2)
+
+    def with_theta(self, theta: ArrayLike) -> Self:
+        """Return the covariance with other values of the free parameters.
+
+        Parameters
+        ----------
+        theta : array_like of shape (p,)
+
+        Returns
+        -------
+        Covariance
+
+        Raises
+        ------
+        ValueError
+            For another number of values, and for one outside of its bounds.
+        """
+        values, names = numbers("theta", theta), self.names
+        if values.shape != (len(names),):
+            raise ValueError(
+                f"theta has shape {values.shape}, but must have {(len(names),)}: {', '.join(names)}"
+            )
+        given = iter(values.tolist())
+        return self._replaced(
+            tuple(replace(p, value=next(given)) if p.is_free else p for p in self._parameters)
+        )
+
+    def fix(self, *names: str) -> Self:
+        """Return the covariance with these parameters held at their values.
+
+        Parameters
+        ----------
+        *names : str
+            Of the parameters; ``"length"`` also stands for ``"length[0]"``, ``"length[1]"``, ….
+
+        Returns
+        -------
+        Covariance
+
+        Raises
+        ------
+        ValueError
+            For a name that no parameter has.
+        """
+        for name in names:
+            if not any(name in (p.name, p.group) for p in self._parameters):
+                known = ", ".join(p.name for p in self._parameters)
+                raise ValueError(f"{name!r} is no parameter, but must be one of {known}")
+        return self._replaced(
+            tuple(
+                replace(p, is_free=p.is_free and not {p.name, p.group} & {*names})
+                for p in self._parameters
+            )
+        )
+
+    def __call__(self, n: Any, *, spacing: Any = 1.0) -> Array:
+        """Return the covariances at the lags of a grid: the first column of a Toeplitz matrix.
+
+        Parameters
+        ----------
+        n : int, or tuple of int
+            The number of points; for a grid that along each axis.
+        spacing : float, or tuple of float
+            The distance of two neighbours, for all axes or for each.
+
+        Returns
+        -------
+        ndarray of shape (n,) or (n1, n2, ...)
+        """
+        return self._evaluate(Lags(n, spacing), frozenset())[0]
+
+    def gradient(self, n: Any, *, spacing: Any = 1.0) -> Array:
+        """Return the derivatives of the covariances by the free parameters.
+
+        Parameters
+        ----------
+        n, spacing
+            As of the covariances themselves.
+
+        Returns
+        -------
+        ndarray of shape (p, n) or (p, n1, n2, ...)
+        """
+        return self.values_and_gradient(n, spacing=spacing)[1]
+
+    def values_and_gradient(self, n: Any, *, spacing: Any = 1.0) -> tuple[Array, Array]:
+        """Return the covariances and their derivatives, which have much of the work in common.
+
+        Parameters
+        ----------
+        n, spacing
+            As of the covariances themselves.
+
+        Returns
+        -------
+        values : ndarray of shape (n,) or (n1, n2, ...)
+        gradient : ndarray of shape (p, n) or (p, n1, n2, ...)
+        """
+        lags, names = Lags(n, spacing), self.names
+        values, by = self._evaluate(lags, frozenset(names))
+        gradient = np.empty((len(names), *lags.shape))
+        for row, name in zip(gradient, names, strict=True):
+            row[...] = by[name]
+        return values, gradient
+
+    def __add__(self, other: Any) -> "Covariance":
+        return Sum(self, other) if isinstance(other, Covariance) else NotImplemented
+
+    def __mul__(self, other: Any) -> "Covariance":
+        return Product(self, other) if isinstance(other, Covariance) else Multiple(other, self)
+
+    def __rmul__(self, other: Any) -> "Covariance":
+        return Multiple(other, self)
+
+
+class Kernel(Covariance):
+    """A covariance whose parameters are the arguments of its constructor."""
+
+    def __init__(self, **given: Any) -> None:
+        parameters: list[Parameter] = []
+        for group, value in given.items():
+            array, bounds = numbers(group, value), BOUNDS.get(group, POSITIVE)
+            if array.ndim > (group in BY_AXIS) or array.size == 0:
+                rule = "a number, or one for each axis" if group in BY_AXIS else "a number"
+                raise ValueError(f"{group} is {value!r}, but must be {rule}")
+            for i, each in enumerate(array.ravel().tolist()):
+                name = f"{group}[{i}]" if array.ndim else group
+                parameters.append(Parameter(name, group, each, *bounds))
+        self._parameters = tuple(parameters)
+
+    def _values(self, group: str) -> tuple[float, ...]:
+        """Return the values of an argument."""
+        return tuple(p.value for p in self._parameters if p.group == group)
+
+    def _names(self, group: str) -> tuple[str, ...]:
+        return tuple(p.name for p in self._parameters if p.group == group)
+
+    def __repr__(self) -> str:
+        shown = []
+        for group in dict.fromkeys(p.group for p in self._parameters):
+            values = self._values(group)
+            is_vector = self._names(group) != (group,)
+            shown.append(f"{group}={values if is_vector else values[0]!r}")
+        held = [repr(p.name) for p in self._parameters if not p.is_free]
+        fixed = f".fix({', '.join(held)})" if held else ""
+        return f"{type(self).__name__}({', '.join(shown)}){fixed}"
+
+
+class Composed(Covariance):
+    """A covariance of terms, whose parameters are theirs."""
+
+    _terms: tuple[Covariance, ...]
+
+    def __init__(self, *given: Covariance) -> None:
+        terms: list[Covariance] = []
+        for term in given:  # (a + b) + c is a + b + c.
+            terms += term._terms if type(term) is type(self) else [term]
+        self._terms = tuple(terms)
+
+    @property
+    def _parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        return tuple(p.within(i) for i, term in enumerate(self._terms) for p in term._parameters)
+
+    def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
+        given, terms = iter(parameters), []
+        for term in self._terms:
+            of_term = tuple(
+                replace(p, value=new.value, is_free=new.is_free)
+                for p, new in zip(term._parameters, given, strict=False)
+            )
+            terms.append(term._replaced(of_term))
+        return type(self)(*terms)
+
+    def _evaluate_terms(
+        self, lags: Lags, wanted: frozenset[str]
+    ) -> Iterator[tuple[Array, Derivatives]]:
+        for i, term in enumerate(self._terms):
+            prefix = f"{i}."
+            of_term = frozenset(n.removeprefix(prefix) for n in wanted if n.startswith(prefix))
+            yield term._evaluate(lags, of_term)
+
+
+class Sum(Composed):
+    """The sum of covariances, as of independent processes."""
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        values = np.zeros(lags.shape)
+        by: Derivatives = {}
+        for i, (value, of_term) in enumerate(self._evaluate_terms(lags, wanted)):
+            values += value
+            by |= {f"{i}.{name}": derivative for name, derivative in of_term.items()}
+        return values, by
+
+    def __repr__(self) -> str:
+        return " + ".join(map(repr, self._terms))
+
+
+class Product(Composed):
+    """The product of covariances."""
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        terms = list(self._evaluate_terms(lags, wanted))
+        by: Derivatives = {}
+        for i, (_, of_term) in enumerate(terms):
+            others = reduce(mul, (value for j, (value, _) in enumerate(terms) if j != i))
+            by |= {f"{i}.{name}": others * of_term[name] for name in of_term}
+        return reduce(mul, (value for value, _ in terms)), by
+
+    def __repr__(self) -> str:
+        return " * ".join(f"({t!r})" if isinstance(t, Sum) else repr(t) for t in self._terms)
+
+
+class Multiple(Covariance):
+    """A covariance times a positive number, which is no parameter."""
+
+    def __init__(self, factor: Any, term: Covariance) -> None:
+        self._factor, self._term = positive("factor", factor), term
+
+    @property
+    def _parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        return self._term._parameters
+
+    def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
+        return type(self)(self._factor, self._term._replaced(parameters))
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        values, by = self._term._evaluate(lags, wanted)
+        return self._factor * values, {name: self._factor * by[name] for name in by}
+
+    def __repr__(self) -> str:
+        term = repr(self._term)
+        return f"{self._factor} * " + (f"({term})" if isinstance(self._term, Sum) else term)
+
+
+class Custom(Covariance):
+    """A covariance by a function of one's own.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(lags, *theta)`` returns the covariances at `lags`, an array of shape (n,); on a
+        grid of d axes of shape (d, n1, n2, ...), the result being of shape (n1, n2, ...).
+    names : sequence of str
+        The names of the parameters.
+    theta : array_like of shape (p,)
+        Their values.
+    bounds : array_like of shape (p, 2), optional
+        Open intervals in which they lie, by default of all numbers.
+    gradient : callable, optional
+        ``gradient(lags, *theta)`` returns the derivatives by the parameters, an array of p rows.
+        By default they are central differences, right to some ten digits.
+
+    See Also
+    --------
+    Covariance : what can be done with it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from toeplitz_mg.covariances import Custom
+    >>> def cauchy(lags, variance, length):
+    ...     return variance / (1.0 + (lags / length) ** 2)
+    >>> k = Custom(cauchy, ["variance", "length"], [1.0, 2.0], [(0.0, np.inf), (0.0, np.inf)])
+    >>> k(4)
+    array([1.        , 0.8       , 0.5       , 0.30769231])
+    >>> k.gradient(4).shape
+    (2, 4)
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., ArrayLike],
+        names: Sequence[str],
+        theta: ArrayLike,
+        bounds: ArrayLike | None = None,
+        gradient: Callable[..., ArrayLike] | None = None,
+    ) -> None:
+        values, p = numbers("theta", theta), len(names)
+        limits = numbers("bounds", [(-inf, inf)] * p if bounds is None else bounds)
+        for name, array, shape in (("theta", values, (p,)), ("bounds", limits, (p, 2))):
+            if array.shape != shape:
+                raise ValueError(f"{name} has shape {array.shape}, but must have {shape}")
+        self._function, self._gradient = function, gradient
+        self._parameters = tuple(
+            Parameter(name, name, *each)
+            for name, *each in zip(names, values.tolist(), *limits.T.tolist(), strict=True)
+        )
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        x = np.stack(np.broadcast_arrays(*lags.distances()))
+        x = x[0] if len(lags.shape) == 1 else x
+        theta = [p.value for p in self._parameters]
+        values = self._shaped("function", self._function(x, *theta), lags.shape)
+        if not wanted:
+            return values, {}
+        shape = (len(theta), *lags.shape)
+        if self._gradient is not None:
+            rows = self._shaped("gradient", self._gradient(x, *theta), shape)
+            return values, {p.name: row for p, row in zip(self._parameters, rows, strict=True)}
+        by = {}
+        for i, p in enumerate(self._parameters):
+            if p.name in wanted:
+                step = STEP * (abs(p.value) or 1.0)
+                step = min(step, 0.5 * (p.value - p.low), 0.5 * (p.high - p.value))
+                above, below = p.value + step, p.value - step
+                high = self._function(x, *theta[:i], above, *theta[i + 1 :])
+                low = self._function(x, *theta[:i], below, *theta[i + 1 :])
+                by[p.name] = (np.asarray(high) - np.asarray(low)) / (above - below)
+        return values, by
+
+    @staticmethod
+    def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+        array = numbers(name, values)
+        if array.shape != shape:
+            raise ValueError(
+                f"{name} returns an array of shape {array.shape}, but must return {shape}"
+            )
+        return array
+
+    def __repr__(self) -> str:
+        name = getattr(self._function, "__name__", repr(self._function))
+        shown = ", ".join(f"{p.name}={p.value!r}" for p in self._parameters)
+        return f"Custom({name}, {shown})"
