@@ -5,10 +5,10 @@ import pickle
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.linalg import LinAlgWarning, matmul_toeplitz, toeplitz
+from scipy.linalg import LinAlgWarning, hankel, matmul_toeplitz, toeplitz
 from scipy.signal import convolve
 from scipy.sparse import eye_array
-from scipy.sparse.linalg import lsmr, lsqr
+from scipy.sparse.linalg import eigsh, lsmr, lsqr, svds
 
 import toeplitz_mg as tmg
 from tests.systems import seeded
@@ -90,6 +90,40 @@ def test_matmul_is_that_of_scipy_with_batches_too(c, x):
 
 PROBLEMS = ["line", "least norm", "filter", "covariance method", "same", "image", "wide", "motion"]
 PROBLEMS += ["complex"]
+
+
+@pytest.mark.parametrize("shape", [(7, 7), (40, 9), ((3, 4), (5, 2)), ((4, 5), (4, 5))])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.complex128])
+def test_hankel_is_dense_and_linear(shape, dtype):
+    rows, columns = ((n,) if isinstance(n, int) else n for n in shape)
+    h = kernel([m + n - 1 for m, n in zip(rows, columns, strict=True)], dtype)
+    H = tmg.HankelOperator.from_values(h, shape)
+    i, j = (np.indices(grid).reshape(len(grid), -1) for grid in (rows, columns))
+    dense = h[tuple(i[:, :, np.newaxis] + j[:, np.newaxis])]
+    assert_allclose(H.toarray(), dense)
+    assert_allclose(H.diagonal(), dense.diagonal())
+    assert H.is_symmetric == bool(dense.shape[0] == dense.shape[1] and (dense == dense.T).all())
+    bound = 500 * np.finfo(dtype).eps * np.abs(dense).sum()
+    X, Y = seeded(H.shape[1], 3), seeded(H.shape[0], 3)
+    assert_allclose(pickle.loads(pickle.dumps(2 * H - H / 2)) @ X, 1.5 * dense @ X, atol=bound)
+    assert_allclose(H.H @ Y, dense.conj().T @ Y, rtol=0, atol=bound)
+    assert_allclose(H.T @ Y, dense.T @ Y, rtol=0, atol=bound)
+
+
+def test_toeplitz_plus_hankel_is_solved_and_has_eigenvalues():
+    c, h = 0.5 ** np.arange(200.0), 0.1 * 0.9 ** np.arange(399.0)
+    T, H = tmg.ToeplitzOperator(c), tmg.HankelOperator.from_values(h, (200, 200))
+    dense = toeplitz(c) + hankel(h[:200], h[199:])
+    b = seeded(200)
+    x, info = tmg.cg(T + H, b, M=tmg.default_preconditioner(T), rtol=1e-12)
+    assert info == 0
+    assert_allclose(x, np.linalg.solve(dense, b), rtol=0, atol=1e-9)
+    x, info = tmg.gmres(T + H, b, rtol=1e-12)
+    assert info == 0
+    assert_allclose(x, np.linalg.solve(dense, b), rtol=0, atol=1e-9)
+    largest = np.linalg.eigvalsh(dense)[-3:]
+    assert_allclose(np.sort(eigsh(T + H, 3)[0]), largest, rtol=1e-9)
+    assert_allclose(np.sort(svds(H, 2)[1])[-1], np.linalg.norm(hankel(h[:200], h[199:]), 2))
 
 
 def problem(name):

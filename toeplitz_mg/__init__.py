@@ -15,6 +15,7 @@ from toeplitz_mg.multigrid_cycle import (
 )
 from toeplitz_mg.operators import (
     CoupledOperator,
+    HankelOperator,
     MaskedOperator,
     RectangularToeplitz,
     ToeplitzOperator,
@@ -55,6 +56,7 @@ from toeplitz_mg.gaussian import ToeplitzNormal
 
 __all__ = [
     "CoupledOperator",
+    "HankelOperator",
     "Interpolation",
     "LeastSquaresInfo",
     "MaskedOperator",

@@ -3,6 +3,7 @@
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonalisedOperator, DiagonallyScaled
 from toeplitz_mg.operators.coupled import CoupledOperator
+from toeplitz_mg.operators.hankel import HankelOperator
 from toeplitz_mg.operators.masked import MaskedOperator
 from toeplitz_mg.operators.rectangular import NormalMatrix, RectangularToeplitz
 from toeplitz_mg.operators.sums import ToeplitzSum
@@ -14,6 +15,7 @@ __all__ = [
     "DiagonalisedOperator",
     "DiagonallyScaled",
     "GridOperator",
+    "HankelOperator",
     "MaskedOperator",
     "NormalMatrix",
     "RectangularToeplitz",

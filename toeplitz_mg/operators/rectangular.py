@@ -111,7 +111,7 @@ class RectangularToeplitz(MatrixOperator):
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
         """Return the matrix times numbers (see `GridOperator.scaled`)."""
-        factor = _number(left, right)
+        factor = factor_of(left, right)
         return NotImplemented if factor is None else self._of(self._square.times(factor))
 
     def plus(self, other: Any) -> Any:
@@ -206,7 +206,7 @@ class NormalMatrix(GridOperator):
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
         """Return the matrix times positive numbers (see `GridOperator.scaled`)."""
-        factor = _number(left, right)
+        factor = factor_of(left, right)
         if factor is None or not (np.imag(factor) == 0.0 and np.real(factor) > 0.0):
             return NotImplemented
         factor = float(np.real(factor))
@@ -224,10 +224,8 @@ class NormalMatrix(GridOperator):
 
 
 def grids_of(A: Any) -> tuple[Shape, Shape]:
-    """Return the grids of the products of a Toeplitz matrix and of its vectors."""
-    if isinstance(A, RectangularToeplitz):
-        return A.rows, A.columns
-    return A.grid_shape, A.grid_shape
+    """Return the grids of the products of a matrix and of its vectors."""
+    return getattr(A, "rows", A.grid_shape), getattr(A, "columns", A.grid_shape)
 
 
 def normal_matrix(B: Any, A: Any) -> Any:
@@ -319,7 +317,7 @@ def _window(array: Array, start: tuple[int, ...], shape: Shape) -> Array:
     return library.xp.roll(library.pad(part, shape), shifts, axis=tuple(range(len(shape))))
 
 
-def _number(left: Any, right: Any) -> Any:
+def factor_of(left: Any, right: Any) -> Any:
     """Return the product of two factors, of which None is one; or None where one is no number."""
     factor: Any = 1.0
     for given in (left, right):
