@@ -216,14 +216,24 @@ def dense_sd(A, M, m):
     return algorithm.deflate(A, M, Z)(np.eye(len(A)))
 
 
-def dense_chan(lags):
-    """The inverse of the circulant of the means of the entries that a circulant has in common."""
+def dense_circulant(lags):
+    """The circulant of the means of the entries that a circulant has in common."""
     dense, shape = dense_of_lags(lags), grid_of(lags)
     at = tuple(k % n for k, n in zip(differences(shape), shape, strict=True))
     total, count = np.zeros(shape, dense.dtype), np.zeros(shape)
     np.add.at(total, at, dense)
     np.add.at(count, at, 1.0)
-    return np.linalg.inv(periodic(total / count))
+    return periodic(total / count)
+
+
+def dense_chan(lags):
+    return np.linalg.inv(dense_circulant(lags))
+
+
+def dense_block_chan(kernel):
+    zero = 0 * kernel[0][0]
+    blocks = [[dense_circulant(zero if b is None else b) for b in row] for row in kernel]
+    return np.linalg.inv(np.block(blocks))
 
 
 def dense_tapered(lags):
@@ -527,7 +537,6 @@ def componentwise(lags, mask):
     yield tmg.sine_preconditioner, submatrix(dense_trigonometric(c, np.sin, 1), mask)
     yield tmg.tau_preconditioner, submatrix(dense_tau(c), mask)
     yield tmg.strang_preconditioner, submatrix(dense_strang(lags), mask)
-    yield tmg.chan_preconditioner, submatrix(dense_chan(lags), mask)
     yield TAPERED, submatrix(dense_tapered(lags), mask)
     if sum(n > 1 for n in c.shape) <= 2:  # Few unknowns are solved for directly.
         yield tmg.fsai_preconditioner, np.linalg.inv(submatrix(dense_of_lags(lags), mask))
@@ -539,6 +548,7 @@ TAPERED = preconditioner_of_the_page()
 def of_real(matrix):
     """The preconditioners of real symmetric matrices, of one component or more: (f, dense)."""
     yield tmg.fft_preconditioner, matrix.cut(dense_M(matrix.kernel))
+    yield tmg.chan_preconditioner, matrix.cut(dense_block_chan(matrix.kernel))
     lags = [matrix.kernel[i][i] for i in range(len(matrix.kernel))]
     for of_one in zip(*map(componentwise, lags, matrix.masks), strict=True):
         f, dense = of_one[0][0], scipy.linalg.block_diag(*(x for _, x in of_one))
@@ -651,7 +661,7 @@ def _coupled():
     for components, shape in sizes[:-1]:
         kernel = complex_kernel(components, *shape)
         whole = Matrix(f"Hermitian {components} components {name_of(shape)}", kernel)
-        chan = scipy.linalg.block_diag(*(dense_chan(kernel[i][i]) for i in range(components)))
+        chan = dense_block_chan(kernel)
         for matrix in (whole, whole.masked):
             yield pair("A", matrix, matrix.dense)
             M = matrix.cut(dense_M(kernel))

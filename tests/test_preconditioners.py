@@ -270,7 +270,7 @@ def test_deflation_of_one_unknown_leaves_nothing(shape):
 @each
 def test_refuse_what_is_no_toeplitz_operator(preconditioner):
     A = tmg.ToeplitzOperator(exponential(4))
-    for wrong in (np.eye(4), A @ A, A.toarray()):
+    for wrong in (np.eye(4), A @ A @ A, A.toarray()):
         with pytest.raises(TypeError, match="must be a ToeplitzOperator"):
             preconditioner(wrong)
 

@@ -267,8 +267,11 @@ class DiagonalisedProduct:
 
     @property
     def is_hermitian(self) -> bool:
-        """Whether the eigenvalues are real."""
-        return self.spectrum.dtype.kind != "c"
+        """Whether the eigenvalues are real, or those matrices Hermitian to the last bit."""
+        if self.spectrum.dtype.kind != "c":
+            return True
+        is_coupled = self.grid_shape != self._grid
+        return is_coupled and np.array_equal(self.spectrum, self.spectrum.conj().swapaxes(0, 1))
 
     @property
     def norm_bound(self) -> float:

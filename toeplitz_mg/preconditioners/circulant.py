@@ -10,8 +10,8 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import library_of
 from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.work import count_transforms
-from toeplitz_mg.operators import DiagonalisedOperator, ToeplitzOperator
-from toeplitz_mg.operators.lifting import lift
+from toeplitz_mg.operators import CoupledOperator, DiagonalisedOperator, ToeplitzOperator
+from toeplitz_mg.operators.lifting import lift, restrict, unwrap
 from toeplitz_mg.operators.positivity import (
     INDEFINITE,
     LAST_RESORT,
@@ -86,7 +86,6 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     return _definite_inverse(A, _transform(column), "Strang", dtype)
 
 
-@lift(accepts="any")
 def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
     """Return the inverse of T. Chan's circulant, the nearest to `A` in the Frobenius norm.
 
@@ -122,6 +121,11 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     strang_preconditioner : the other circulant.
     default_preconditioner : chooses.
 
+    Notes
+    -----
+    Of coupled components it is a block circulant: a small matrix is inverted at each frequency. For
+    each component by itself there is ``componentwise(chan_preconditioner)(A)``.
+
     References
     ----------
     T. F. Chan, An optimal circulant preconditioner for Toeplitz systems, SIAM J. Sci. Stat.
@@ -135,7 +139,45 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     >>> (C @ np.array([3.0, 3.0, 3.0])).round(12)
     array([1., 1., 1.])
     """
+    full, mask = unwrap(A)
+    if isinstance(full, CoupledOperator):
+        return restrict(_invert_coupled(full, precision(full, dtype)), mask)
+    return _chan_inverse(A, dtype)
+
+
+@lift(accepts="any", parts=("mask",))
+def _chan_inverse(A: LinearOperator, dtype: DTypeLike | None) -> LinearOperator:
+    """Return the inverse of T. Chan's circulant of one component."""
     return _definite_inverse(A, chan_eigenvalues(A), "T. Chan", dtype)
+
+
+def _invert_coupled(A: CoupledOperator, dtype: np.dtype[Any]) -> DiagonalisedOperator:
+    """Return the inverse of the block circulant of T. Chan's circulant of each block."""
+    library = A.library
+    xp, components, grid = library.xp, len(A.blocks), A.grid_shape[1:]
+    blocks = [block for row in A.blocks for block in row if block is not None]
+    kind = np.result_type(A.dtype, np.complex128)
+    transforms = library.complex_fourier if A.dtype.kind == "c" else library.fourier
+    precise = np.result_type(A.dtype, np.float64)  # A block may be real where others are complex.
+    columns = {id(block): library.cast(_mean_lags(block), precise) for block in blocks}
+    symbol = {key: library.cast(transforms.forward(c), kind) for key, c in columns.items()}
+    count_transforms(len(columns), *grid)
+    zero = xp.zeros_like(symbol[id(blocks[0])])
+    rows = [[zero if B is None else symbol[id(B)] for B in row] for row in A.blocks]
+    matrices = xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2)
+    if A.is_hermitian:
+        eigenvalues = xp.linalg.eigvalsh(matrices)
+        subject, other = "T. Chan's block circulant has the eigenvalue", LAST_RESORT
+        require_positive(eigenvalues, dtype, subject, other)
+    else:
+        sizes = xp.linalg.svdvals(matrices)
+        subject = "T. Chan's block circulant has the singular value"
+        require_nonzero(sizes, dtype, subject, "gmres without M")
+    inverse = xp.linalg.inv(matrices)
+    inverse = (inverse + library.conj(inverse.mT)) / 2 if A.is_hermitian else inverse
+    inverse = xp.moveaxis(inverse, (-2, -1), (0, 1))
+    product = library.diagonalise(inverse, grid, (components, *grid), dtype, transforms)
+    return DiagonalisedOperator(product, "inverse of T. Chan's block circulant")
 
 
 def smooth_inverse(A: ToeplitzOperator, eigenvalues: Array) -> DiagonalisedOperator:
@@ -157,6 +199,12 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     They are real where A is Hermitian. Of a real matrix they are those of k ≤ n/2 along the last
     axis.
     """
+    eigenvalues = _transform(_mean_lags(A))
+    return A.library.real(eigenvalues) if A.is_hermitian else eigenvalues
+
+
+def _mean_lags(A: ToeplitzOperator) -> Array:
+    """Return the first column of T. Chan's circulant: means of the entries on its diagonals."""
     column, library = A.lags, A.library
     for axis, n in enumerate(A.grid_shape):
         w = 1.0 - np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis)) / n
@@ -166,8 +214,7 @@ def chan_eigenvalues(A: ToeplitzOperator) -> Array:
         parts = [column[cut(axis, 2 * n - 2)], column[cut(axis, 0, n - 1)]]
         negative = library.xp.concat(parts, axis=axis)
         column = w * positive + (1.0 - w) * negative
-    eigenvalues = _transform(column)
-    return library.real(eigenvalues) if A.is_hermitian else eigenvalues
+    return column
 
 
 def away_from_zero(eigenvalues: Array, dtype: DTypeLike) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg.engine.arrays.jax_programs import compile_as_a_whole
-from toeplitz_mg.engine.embedding import cut, parts_of, phases
+from toeplitz_mg.engine.embedding import parts_of, phases
 from toeplitz_mg.engine.products import Transforms
 from toeplitz_mg.engine.work import axes_of
 
@@ -108,15 +108,22 @@ class PlainDiagonalised:
         dtype: DTypeLike,
         transforms: Transforms,
     ) -> None:
-        self.points = prod(fft_shape) / 2 ** axes_of(grid_shape)
+        grid = grid_shape[-len(fft_shape) :]
+        self._components = grid_shape[: -len(fft_shape)]  # None, or how many.
+        self.points = prod(self._components) * prod(fft_shape) / 2 ** axes_of(grid)
         self.library, self.grid_shape, self.dtype = library, grid_shape, np.dtype(dtype)
         self.spectrum = library.cast_numbers(spectrum, dtype)
         self.fft_shape, self.transforms = fft_shape, transforms
-        self.is_hermitian = library.dtype(spectrum).kind != "c"
+        adjoint = library.conj(self._flipped(self.spectrum))
+        self.is_hermitian = bool(library.xp.all(self.spectrum == adjoint))
+
+    def _flipped(self, spectrum: Any) -> Any:
+        """Return the transposes of the matrices between components."""
+        return self.library.xp.moveaxis(spectrum, 0, 1) if self._components else spectrum
 
     def adjoint(self) -> "PlainDiagonalised":
         """Return the multiplication by the conjugate transpose of a circulant."""
-        spectrum = self.library.conj(self.spectrum)
+        spectrum = self.library.conj(self._flipped(self.spectrum))
         shapes = self.fft_shape, self.grid_shape
         return PlainDiagonalised(self.library, spectrum, *shapes, self.dtype, self.transforms)
 
@@ -127,11 +134,15 @@ class PlainDiagonalised:
     @compile_as_a_whole("spectrum")
     def multiply(self, X: Any, out: Any = None) -> Any:
         """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
-        xp, axes = self.library.xp, tuple(range(1, 1 + len(self.grid_shape)))
+        first, last = 1 + len(self._components), 1 + len(self.grid_shape)
+        xp, axes = self.library.xp, tuple(range(first, last))
         Z = self.library.pad(xp.reshape(X, (-1, *self.grid_shape)), self.fft_shape)
         Z = self.transforms.forward(Z, axes=axes)
-        Z *= self.spectrum
+        if self._components:
+            Z = xp.sum(self.spectrum * Z[:, None, ...], axis=2)
+        else:
+            Z *= self.spectrum
         Z = self.transforms.backward(Z, s=self.fft_shape, axes=axes)
-        for axis, n in enumerate(self.grid_shape):
-            Z = Z[cut(1 + axis, 0, n)]
+        index: Any = (..., *map(slice, self.grid_shape[len(self._components) :]))
+        Z = Z[index]
         return xp.reshape(Z, X.shape)
