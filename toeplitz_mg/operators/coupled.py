@@ -279,16 +279,22 @@ class Transposes:
 
     def largest(self, block: Any) -> float:
         """Return the size of the largest coefficient."""
-        return self._largest(block, block.lags)
+        return self._largest(block, self._lags(block))
 
     def difference(self, block: Any, other: Any) -> float:
         """Return the largest difference of a block and the transpose of another."""
-        return self._largest(block, block.lags - self._mirror(other))
+        return self._largest(block, self._lags(block) - self._mirror(other))
 
     def average(self, block: Any, other: Any) -> tuple[Any, Any]:
         """Return the mean of a block and the transpose of another, and the transpose of that."""
-        mean = ToeplitzOperator.from_lags((block.lags + self._mirror(other)) / 2)
+        return self._make(block, (self._lags(block) + self._mirror(other)) / 2)
+
+    def _make(self, block: Any, lags: Array) -> tuple[Any, Any]:
+        mean = ToeplitzOperator.from_lags(lags)
         return mean, mean.H if self.conjugate else mean.T
+
+    def _lags(self, block: Any) -> Array:
+        return cast(Array, block.lags)
 
     def _mirror(self, block: Any) -> Array:
         lags = block.library.xp.flip(block.lags)

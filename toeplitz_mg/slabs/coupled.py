@@ -100,35 +100,28 @@ def _check_block(name: str, block: Any, first: Any) -> None:
 class Transposes(coupled.Transposes):
     """What blocks have in common with the transposes of those opposite, on all ranks."""
 
-    def largest(self, block: ToeplitzOperator) -> float:
-        """Return the size of the largest coefficient."""
-        parts = [block.c] if block.behind is None else [block.c, block.behind]
-        return max(block.slab.vectors.max(np.abs(part)) for part in parts)
-
     def difference(self, block: ToeplitzOperator, other: ToeplitzOperator) -> float:
         """Return the largest difference of a block and the transpose of another."""
-        if block.parity[1:] != other.parity[1:]:
-            return np.inf
-        pairs = (block.c, other.opposite), (block.opposite, other.c)
-        return max(block.slab.vectors.max(np.abs(one - two)) for one, two in pairs)
+        is_alike = block.parity[1:] == other.parity[1:]
+        return super().difference(block, other) if is_alike else np.inf
 
-    def average(
-        self, block: ToeplitzOperator, other: ToeplitzOperator
-    ) -> tuple[ToeplitzOperator, ToeplitzOperator]:
-        """Return the mean of a block and the transpose of another, and the transpose of that."""
-        c, opposite = (block.c + other.opposite) / 2, (block.opposite + other.c) / 2
-        sign, lines = prod(block.parity[1:]), block.parity[1:]
-        if block is other:
-            mean = self._make(block, c, (sign, *lines))
-            return mean, mean
-        if block.behind is None and block.parity == other.parity and other.behind is None:
-            return self._make(block, c, block.parity), self._make(block, opposite, block.parity)
-        ahead, back = ((1, *lines), sign * opposite), ((1, *lines), sign * c)
-        return self._make(block, c, *ahead), self._make(block, opposite, *back)
+    def _lags(self, block: ToeplitzOperator) -> Array:
+        return np.stack([block.c, block.opposite])
 
-    def _make(
-        self, block: ToeplitzOperator, c: Array, parity: tuple[int, ...], behind: Any = None
-    ) -> ToeplitzOperator:
-        make = block.library.from_numpy
-        behind = None if behind is None else make(behind)
-        return ToeplitzOperator(make(c), block.slab, parity=parity, behind=behind)
+    def _mirror(self, block: ToeplitzOperator) -> Array:
+        return self._lags(block)[::-1]
+
+    def _largest(self, block: ToeplitzOperator, lags: Array) -> float:
+        return float(block.slab.vectors.max(np.abs(lags)))
+
+    def _make(self, block: ToeplitzOperator, lags: Array) -> tuple[Any, Any]:
+        signs, make = block.parity[1:], block.library.from_numpy
+        means = []
+        for c, opposite in (lags, lags[::-1]):
+            behind = prod(signs) * opposite
+            # Where a mean is even or odd along the first axis, as blocks mostly are, it is known.
+            sign = next((k for k in (1, -1) if not block.slab.vectors.count(behind != k * c)), 0)
+            other = None if sign else make(behind)
+            parity = (sign or 1, *signs)
+            means.append(ToeplitzOperator(make(c), block.slab, parity=parity, behind=other))
+        return means[0], means[1]
