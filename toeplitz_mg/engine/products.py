@@ -13,9 +13,8 @@ from scipy.linalg import toeplitz
 from scipy.linalg.blas import idamax, izamax
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.panels import Panels
-from toeplitz_mg.engine.threads import keep_bits, share_rows
-from toeplitz_mg.engine.transforms import OneStep, in_batches, plan_of
+from toeplitz_mg.engine.threads import is_backend_set, keep_bits, share_rows
+from toeplitz_mg.engine.transforms import LONG, in_batches, plan_of
 from toeplitz_mg.engine.vectors import power_above
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
@@ -155,22 +154,35 @@ class ToeplitzProduct:
         return size * plan_of(self.grid_shape[0], np.float64).length
 
     @cached_property
-    def _plan(self) -> OneStep | Panels:
+    def _plan(self) -> Any:
         return plan_of(self.grid_shape[0], self.dtype)
 
     @cached_property
     def _matrix(self) -> Array:
-        """The transpose of the matrix, as vectors are rows."""
         assert self._band is not None
-        column, row = self._band
-        return np.ascontiguousarray(toeplitz(row, column), self.dtype)
+        return np.ascontiguousarray(toeplitz(*self._band), self.dtype)
 
-    __call__ = multiply_rows
+    def __call__(self, X: Array, out: Array | None = None) -> Array:
+        """Do what `multiply_rows` does, and a single short vector with fewer calls."""
+        n = self.grid_shape[0]
+        if n >= LONG or X.shape != (n,) or X.dtype != self.dtype or self.dtype.kind == "c":
+            return multiply_rows(self, X, out)
+        if not self._spectra:
+            y = self._matrix.dot(X)
+        elif is_backend_set():
+            return multiply_rows(self, X, out)
+        else:
+            y = self._plan.multiply_vector(X, self._spectra[0])
+        count_work(1, self.points)
+        if out is None:
+            return y
+        out[...] = y
+        return out
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, of shape (rows, N), into `out` (see `Product`)."""
         if not self._spectra:
-            out[...] = X.astype(self.dtype, copy=False) @ self._matrix
+            out[...] = X.astype(self.dtype, copy=False) @ self._matrix.T
         elif len(self._spectra) == 1:
             self._plan.multiply_real(X, self._spectra[0], out)
         else:

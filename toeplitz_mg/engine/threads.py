@@ -21,6 +21,8 @@ from toeplitz_mg._typing import Array
 # What hands on the backends of `scipy.fft` is no public name of SciPy's: no other file knows of it.
 uarray: Any = getattr(getattr(fft, "_backend", None), "ua", None)
 
+DOMAIN = "numpy.scipy.fft"  # Its name of the functions of `scipy.fft`.
+
 Work = Callable[[range], None]  # Does the parts that have these numbers.
 
 # Numbers of a loop from which on two threads make it faster, not slower. Each thread more needs as
@@ -105,6 +107,16 @@ def chosen_backends() -> Callable[[], AbstractContextManager[None]] | None:
         return partial(uarray.set_state, uarray.get_state())
     except AttributeError:
         return None
+
+
+def is_backend_set() -> bool:
+    """Whether a backend of `scipy.fft` is chosen, in this thread or for all, or may be."""
+    try:
+        of_all, of_thread, _ = uarray.get_state()._pickle()
+        default = of_all[DOMAIN][0][0]
+    except (AttributeError, KeyError):
+        return True
+    return any(of_thread.get(DOMAIN, ())) or not default.__module__.startswith("scipy.")
 
 
 def keep_bits(dtype: DTypeLike, lines: int = 1) -> AbstractContextManager[None]:

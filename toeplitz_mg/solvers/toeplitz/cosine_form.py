@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.fourier import dct, dst, packed_irfft, packed_rfft, rfft
 from toeplitz_mg.engine.lengths import work_of_transform
-from toeplitz_mg.engine.row_transforms import dct, dst, packed_irfft, packed_rfft, rfft
 from toeplitz_mg.engine.work import count_transforms
 
 STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.

@@ -10,8 +10,8 @@ from collections.abc import Callable
 import numpy as np
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine.fourier import fft, ifft, packed_irfft, packed_rfft
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.row_transforms import fft, ifft, packed_irfft, packed_rfft
 from toeplitz_mg.engine.transforms import phase_factors
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_transforms

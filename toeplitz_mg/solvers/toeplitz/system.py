@@ -7,7 +7,7 @@ from scipy.linalg.blas import dasum, idamax
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.columns.columns import EPS
-from toeplitz_mg.engine.row_transforms import fft, rfft
+from toeplitz_mg.engine.fourier import fft, rfft
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator

@@ -8,6 +8,9 @@ those of `scipy.fft`. A real transform of FFTPACK is as many real numbers: that 
 then the real and the imaginary part of each other one.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from scipy import fftpack
 
@@ -15,6 +18,17 @@ from toeplitz_mg._typing import Array, Rows
 
 fft, ifft = fftpack.fft, fftpack.ifft
 packed_rfft, packed_irfft = fftpack.rfft, fftpack.irfft
+
+
+def bind(Z: Array) -> tuple[Callable[[], object], Callable[[], object]]:
+    """Return the transform of a complex vector in its own memory, and the inverse one."""
+
+    def in_place(transform: Callable[..., Array]) -> Callable[[], object]:
+        if np.may_share_memory(transform(Z, overwrite_x=True), Z):
+            return partial(transform, Z, overwrite_x=True)
+        return lambda: np.copyto(Z, transform(Z))
+
+    return in_place(fft), in_place(ifft)
 
 
 def dct(X: Rows, kind: int) -> Rows:
