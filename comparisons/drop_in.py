@@ -4,7 +4,8 @@ The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand on `scipy
 T. Chan's circulant. CPU time on one thread, set-ups and the check of our residual included; the
 contenders in turns, whose order is drawn, in one process, a fresh one for each symbol and decade;
 low quantiles, of fewer turns for one that takes long. ``--symbols``, ``--sizes``, ``--columns`` and
-``--digits``, of the residual, choose others.
+``--digits``, of the residual, choose others. ``--channels`` compares `solve_block_toeplitz` for
+autoregressions of so many channels with a dense Cholesky factor.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -127,6 +128,27 @@ def run(
                 yield from in_a_fresh_process(partial(measure, name, list(decade), k, rtol))
 
 
+def measure_channels(channels: Sequence[int], unknowns: Sequence[int]) -> Iterator[Row]:
+    """Yield the times of block Toeplitz systems, and those of dense Cholesky factors."""
+    random = np.random.default_rng(0)
+    for k in channels:
+        mixing = random.standard_normal((k, k)) / np.sqrt(k)
+        for n in (N // k for N in unknowns):
+            c = 0.8 ** np.arange(n)[:, None, None] * (mixing @ mixing.T)
+            c[0] += np.eye(k)
+            b = random.standard_normal((n, k))
+            lags, i = np.concatenate([c[:0:-1].swapaxes(1, 2), c]), np.arange(n)
+
+            def factor(lags: Array = lags, i: Array = i, b: Array = b) -> Array:
+                A = lags[i[:, None] - i + len(i) - 1].swapaxes(1, 2).reshape(b.size, b.size)
+                return scipy.linalg.cho_solve(scipy.linalg.cho_factor(A, lower=True), b.ravel())
+
+            solve = partial(tmg.solve_block_toeplitz, c, b, full_output=True)
+            contenders = {"seconds": solve, "dense_seconds": factor}
+            row = time_in_turns(contenders) | {"method": solve()[1].method}
+            yield {"channels": k, "unknowns": n * k} | row
+
+
 def worst(rows: Sequence[Row]) -> list[Row]:
     """Return the largest ratios to the faster rival, and where they are."""
     table: list[Row] = []
@@ -180,7 +202,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         sizes=[],
         columns=list(COLUMNS),
         digits=DIGITS,
+        channels=[],
     )
+    if arguments.channels:
+        unknowns = arguments.sizes or (200, 400, 600, 800, 1200, 2400)
+        channels = list(measure_channels(arguments.channels, unknowns))
+        report.show("Seconds of block Toeplitz systems", channels)
+        return
     sizes = arguments.sizes or (QUICK_SIZES if arguments.quick else SIZES)
     room = {"symbol": 12, "seconds": 8, "method": 40}
     form = partial(report.format_cells, formats=FORMATS)

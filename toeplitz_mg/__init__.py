@@ -43,6 +43,7 @@ from toeplitz_mg.solvers.toeplitz.solve import select_method, solve_toeplitz
 from toeplitz_mg.solvers.determinant import toeplitz_logdet
 from toeplitz_mg.solvers.reflection import reflection_coefficients
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
+from toeplitz_mg.solvers.blocks import block_toeplitz_logdet, solve_block_toeplitz
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
 from toeplitz_mg.solvers.least_squares import (
@@ -69,6 +70,7 @@ __all__ = [
     "ToeplitzNormal",
     "ToeplitzOperator",
     "ToeplitzSum",
+    "block_toeplitz_logdet",
     "cg",
     "chan_preconditioner",
     "componentwise",
@@ -97,6 +99,7 @@ __all__ = [
     "select_method",
     "select_preconditioner",
     "sine_preconditioner",
+    "solve_block_toeplitz",
     "solve_toeplitz",
     "spectral_preconditioner",
     "strang_preconditioner",
