@@ -52,22 +52,6 @@ def test_bytes_of_an_exchange(comm):
     assert P * sum(slab.gather(sent)) == 8 * 24 * 12 * (P - 1)
 
 
-def test_rows_of_the_ranks_beside(comm):
-    slab, X = Slab(comm, (16, 3)), grid_of((16, 3))
-    above = slab.shift(X[slab.rows][-2:], 2 * min(comm.rank, 1), 1)
-    assert np.array_equal(above, X[max(0, slab.rows.start - 2) : slab.rows.start])
-    below = slab.shift(X[slab.rows][:1], int(comm.rank < comm.size - 1), -1)
-    assert np.array_equal(below, X[slab.rows.stop : slab.rows.stop + 1])
-
-
-def test_bytes_of_the_rows_beside(comm):
-    slab = Slab(comm, (16, 3))
-    comm.reset()
-    slab.shift(np.zeros((1, 3), np.float32), min(comm.rank, 1), 1)
-    assert set(comm.calls) == {"Alltoallv"}
-    assert comm.sent == (12 if comm.rank < comm.size - 1 else 0)
-
-
 def test_windows_are_sent_and_added(comm):
     P, rank = comm.size, comm.rank
     slab = Slab(comm, (4 * P, 1))

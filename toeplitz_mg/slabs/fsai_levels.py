@@ -23,7 +23,7 @@ from toeplitz_mg.preconditioners.fsai.build import Options, build, build_factors
 from toeplitz_mg.preconditioners.fsai.levels import Direct, Level, LevelMatrix
 from toeplitz_mg.preconditioners.fsai.line import LineLevel, LineMatrix, build_line
 from toeplitz_mg.preconditioners.fsai.stencil import Stencil
-from toeplitz_mg.slabs.intervals import Intervals
+from toeplitz_mg.slabs.intervals import Intervals, of_rows
 from toeplitz_mg.slabs.slab import Slab
 
 NEAR = 256  # Lags along each axis of the coefficients that a stencil with 100 neighbours sees.
@@ -61,10 +61,10 @@ class SlabMatrix:
 
     def on_places(self, stencil: Stencil, exchange: Callable[[Array], Array]) -> LevelMatrix:
         """Return it on the places of a stencil, of the rows that an exchange gives."""
-        c, place = _of_rows(exchange, self.c), stencil.grid.place
+        c, place = of_rows(exchange, self.c), stencil.grid.place
         if self.d is None:
             return LevelMatrix.of_mask(stencil, c)
-        d = _of_rows(exchange, self.d)
+        d = of_rows(exchange, self.d)
         weights, diagonal = ([place(x, edge) for x in X] for X, edge in ((c, 0.0), (d, 1.0)))
         return LevelMatrix(np.concatenate(weights), np.concatenate(diagonal))
 
@@ -75,7 +75,7 @@ def find_near(slab: Slab, starts: Array, kernel: Array) -> Array:
     rows, columns = max(NEAR, TRIAL // n2), max(NEAR, TRIAL // n1)
     counts = np.diff(np.minimum(starts, rows))
     mine = kernel[:, :, : counts[slab.comm.rank], :columns]
-    return _of_rows(lambda x: slab.everywhere(x, counts), mine)
+    return of_rows(lambda x: slab.everywhere(x, counts), mine)
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def build_on_slab(
                 line = LineMatrix.of_kernel(matrix.kernel.ravel())
                 return CommonLevel(slab, counts, build_line(line, dtype, options))
             exchange = partial(slab.everywhere, lengths=np.diff(starts))
-            whole = replace(stencil, kernel=_of_rows(exchange, matrix.kernel))
+            whole = replace(stencil, kernel=of_rows(exchange, matrix.kernel))
             level = build(whole, matrix.on_places(whole, exchange), dtype, options)
         return CommonLevel(slab, counts, level)
     # On this level a rank has the rows of whole aggregates. Rows of G see so many more above.
@@ -195,7 +195,7 @@ def _coarsen(matrix: SlabMatrix, stencil: Stencil, cuts: Array) -> SlabMatrix:
     starts = -(-cuts // h)
     stops = np.minimum(h * starts, n1)
     first = _begin(h * starts[:-1] - h + 1, stops)
-    kernel = _of_rows(Intervals(slab, matrix.starts, first, stops[1:]).spread, matrix.kernel)
+    kernel = of_rows(Intervals(slab, matrix.starts, first, stops[1:]).spread, matrix.kernel)
     blocks = range(int(starts[rank]), int(starts[rank + 1]))
     kernel = stencil.coarsen(kernel, blocks, int(first[rank]), n1)
     near, neighbours = find_near(slab, starts, kernel), stencil.coarse_neighbours
@@ -237,11 +237,6 @@ def _direct(matrix: SlabMatrix, counts: Array, dtype: np.dtype[Any]) -> Direct:
 def _begin(first: Array, cuts: Array) -> Array:
     """Return where the window of each rank begins: in the grid, and empty where it has no rows."""
     return np.where(cuts[1:] > cuts[:-1], np.maximum(first, 0), cuts[1:])
-
-
-def _of_rows(exchange: Callable[[Array], Array], x: Array) -> Array:
-    """Return what an exchange of rows makes of those along the last axis but one."""
-    return np.moveaxis(exchange(np.ascontiguousarray(np.moveaxis(x, -2, 0))), 0, -2)
 
 
 def _split(x: Array, counts: Any) -> list[Array]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, fields, is_dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import prod
 from typing import Any, Self
 
@@ -21,6 +21,7 @@ from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS
 from toeplitz_mg.slabs.circulants import SlabTransform
 from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.fsai import fsai_preconditioner
+from toeplitz_mg.slabs.intervals import Intervals, of_rows
 from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.trigonometric import cosine_preconditioner
@@ -105,39 +106,28 @@ class SlabGrid(Grid):
 
     def coarsen(self, x: Array) -> Array:
         """Return the averages of a field on the coarser grid."""
-        a, b = self._coarse_starts[self.slab.comm.rank :][:2].tolist()
-        x, first = self._with_neighbours(x)
-        x = coarsen(x[..., 2 * a - first : 2 * b - first, :])
+        starts = self._coarse_starts
+        x = coarsen(self._see(self.slab, x, 2 * starts[:-1], 2 * starts[1:]))
         if isinstance(self._coarser, SlabGrid):
             return x
-        lengths = np.diff(self._coarse_starts)
-        return np.moveaxis(self.slab.everywhere(np.moveaxis(x, -2, 0), lengths), 0, -2)
+        return of_rows(partial(self.slab.everywhere, lengths=np.diff(starts)), x)
 
     def refine(self, x: Array) -> Array:
         """Interpolate a field from the coarser grid."""
-        a, b = self._coarse_starts[self.slab.comm.rank :][:2].tolist()
+        starts, rank = self._coarse_starts, self.slab.comm.rank
+        first = np.maximum(0, starts[:-1] - 1)
         if isinstance(self._coarser, SlabGrid):
-            x, first = self._coarser._with_neighbours(x)
+            x = self._see(self._coarser.slab, x, first, starts[1:] + 1)
         else:
-            first = max(0, a - 1)
-            x = x[..., first : b + 1, :]
+            x = x[..., first[rank] : starts[rank + 1] + 1, :]
         fine = refine(x, (min(2 * x.shape[-2], self.shape[0]), self.shape[1]))
-        start, end = self.slab.rows.start - 2 * first, self.slab.rows.stop - 2 * first
+        start, end = self.slab.rows.start - 2 * first[rank], self.slab.rows.stop - 2 * first[rank]
         return np.ascontiguousarray(fine[..., start:end, :])
 
-    def _with_neighbours(self, x: Array) -> tuple[Array, int]:
-        """Return a field with a row of each rank beside this one, and which row is the first."""
-        rows = np.moveaxis(x, -2, 0)
-        is_first, is_last = self._ends
-        above = self.slab.shift(rows[-1:], int(not is_first), 1)
-        below = self.slab.shift(rows[:1], int(not is_last), -1)
-        whole = np.moveaxis(np.concatenate([above, rows, below]), 0, -2)
-        return whole, self.slab.rows.start - len(above)
-
-    @property
-    def _ends(self) -> tuple[bool, bool]:
-        """Whether this rank has the first row, and the last one."""
-        return self.slab.rows.start == 0, self.slab.rows.stop == self.shape[0]
+    def _see(self, slab: Slab, x: Array, first: Array, stop: Array) -> Array:
+        """Return rows of a field for each rank: from a first one on, up to another or the end."""
+        rows = Intervals(slab, slab.starts, first, np.minimum(stop, slab.shape[0]))
+        return of_rows(rows.spread, x)
 
     def window(self, elements: Mask, margin: float = 0.0) -> Any:
         """Return the rectangle around some elements, and a margin; the grid where none are."""
@@ -159,10 +149,11 @@ class SlabGrid(Grid):
 
     def fragmentation(self, C: Mask) -> float:
         """Return how long the edge of some elements is (see `traits.fragmentation`)."""
-        rows, first = self._with_neighbours(C)
-        rows = rows[: self.slab.rows.stop - first]  # The edges below are those of the next rank.
-        rows = np.pad(rows, (self._ends, (0, 0)))
-        columns = np.pad(C, ((0, 0), (1, 1)))
+        slab, n = self.slab, self.shape[0]
+        # The edges below are those of the next rank.
+        rows = self._see(slab, C, np.maximum(slab.starts[:-1] - 1, 0), slab.starts[1:])
+        ends = slab.rows.start == 0, slab.rows.stop == n
+        rows, columns = np.pad(rows, (ends, (0, 0))), np.pad(C, ((0, 0), (1, 1)))
         own = np.count_nonzero(np.diff(rows, axis=0)) + np.count_nonzero(np.diff(columns))
         return float(sum(self.vectors.gather(own)) / self.vectors.count(C) ** 0.5)
 

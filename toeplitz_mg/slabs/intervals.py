@@ -1,5 +1,7 @@
 """Intervals of a vector that ranks see, where each of them owns another."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from toeplitz_mg._typing import Array
@@ -60,3 +62,9 @@ class Intervals:
             total[start : start + length] += got[end : end + length]
             end += length
         return total
+
+
+def of_rows(exchange: Callable[[Array], Array], x: Array) -> Array:
+    """Return what an exchange of rows makes of those along the last axis but one, in one piece."""
+    rows = exchange(np.ascontiguousarray(np.moveaxis(x, -2, 0)))
+    return np.ascontiguousarray(np.moveaxis(rows, 0, -2))

@@ -141,22 +141,6 @@ class Messages(Ranks):
         """Send each rank some numbers of an array, and put those of each rank into another."""
         self.comm.Alltoallv(sent, got)
 
-    def shift(self, x: Array, count: int, step: int) -> Array:
-        """Send rows to the next rank (step 1), or to the one before (step -1), if there is one.
-
-        What is returned are the `count` rows from the other side: 0 where there is no rank.
-        """
-        there, back = self.comm.rank + step, self.comm.rank - step
-        sent, expected = np.zeros((2, self.comm.size), int)
-        got = np.empty((count, *x.shape[1:]), x.dtype)
-        if 0 <= there < self.comm.size:
-            sent[there] = x.size
-        if 0 <= back < self.comm.size:
-            expected[back] = got.size
-        # As all messages are, it is one that no receive of the caller's own can take.
-        self.swap([np.ascontiguousarray(x), sent], [got, expected])
-        return got
-
 
 def _name_kind(refusal: Exception | None) -> tuple[type[Exception] | None, str]:
     """Return which error all ranks raise for that of one, and what it says."""

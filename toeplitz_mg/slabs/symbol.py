@@ -125,11 +125,12 @@ def _continue_line(slab: Slab, c: Array, length: int) -> Array:
 
     It is the first axis to be continued, and before any transform: otherwise it is not the same.
     """
-    above = slab.shift(c[-1:], min(slab.comm.rank, 1), 1)
+    ends = slab.starts * (len(c) // slab.local[0])
+    stop = np.full(slab.comm.size, known := ends[-1])
+    first = np.append(stop[1:], max(0, known - 2))  # The last rank sees the last two.
+    last = Intervals(slab, ends, first, stop).spread(c)
     if slab.comm.rank < slab.comm.size - 1:
         return c
-    last = np.concatenate([above, c[-2:]])[-2:]
-    known = slab.rows.start * (len(c) // slab.local[0]) + len(c)
     return np.concatenate([c, continue_axis(last, 0, length - known + len(last))[len(last) :]])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.window import Box
-from toeplitz_mg.slabs.intervals import Intervals
+from toeplitz_mg.slabs.intervals import Intervals, of_rows
 from toeplitz_mg.slabs.slab import Slab
 
 FEW = 2**13  # Most elements of a grid within this one that every rank has all of, and solves alone.
@@ -51,7 +51,7 @@ class SlabWindow:
 
     def cut(self, x: Array) -> Array:
         """Return this rank's rows of a field, of any components, inside."""
-        return _move(self._there, x[..., self.box[1]])
+        return of_rows(self._there.spread, x[..., self.box[1]])
 
     def same(self, found: Any) -> Any:
         """Return what was found inside: where every rank has solved alone, by the first.
@@ -66,14 +66,8 @@ class SlabWindow:
         if self._back is None:
             x = x[..., own.start - self.box[0].start : own.stop - self.box[0].start, :]
         else:
-            x = _move(self._back, x)
+            x = of_rows(self._back.spread, x)
         whole = np.zeros((*x.shape[:-2], *slab.local), x.dtype)
         rows = slice(own.start - slab.rows.start, own.stop - slab.rows.start)
         whole[..., rows, columns] = x
         return whole
-
-
-def _move(intervals: Intervals, x: Array) -> Array:
-    """Return the rows that this rank sees, of those that each rank owns, of fields."""
-    seen = intervals.spread(np.moveaxis(x, -2, 0))
-    return np.ascontiguousarray(np.moveaxis(seen, 0, -2))
