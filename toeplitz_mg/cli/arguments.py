@@ -1,17 +1,22 @@
-"""The arguments of the command line, and what cannot be meant by them."""
+"""The options of the command line in one table, and what cannot be meant by them."""
 
 import argparse
+import math
 import os
 import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import toeplitz_mg as tmg
 from toeplitz_mg._typing import Preconditioner
-from toeplitz_mg.cli import contact_arguments, files
-from toeplitz_mg.cli.parsing import DPI, Parser, check_dpi, whole_number
+from toeplitz_mg.cli import files
 from toeplitz_mg.cli.report import EXIT_STATUS
+from toeplitz_mg.contact import Material
 from toeplitz_mg.paper.problems import TESTS
+from toeplitz_mg.values import in_range
 
 PRECONDITIONERS: dict[str, Preconditioner] = {
     "default": tmg.default_preconditioner,
@@ -25,9 +30,313 @@ PRECONDITIONERS: dict[str, Preconditioner] = {
     "sine": tmg.sine_preconditioner,
     "spectral": tmg.spectral_preconditioner,
 }
+PAPER, SOLVE = ("paper",), ("solve",)  # The commands for linear systems; the first has no name.
+LINEAR = (*PAPER, *SOLVE)
+SHIFT, ROLLING, ROUGH = ("shift",), ("rolling",), ("rough",)
+MOVED = (*SHIFT, *ROLLING)
+SMOOTH = ("hertz", *MOVED)  # The cases of Hertz's bodies.
+CASES = (*SMOOTH, *ROUGH)
+FORCE = 100.0  # Normal force, N or N/mm, where neither it nor the approach is given.
+# A number and no option: argparse itself does not know that one may have an exponent.
+NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
+Rules = dict[str, tuple[Callable[[Any], bool], str]]
+
+
+def whole_number(text: str) -> int:
+    """Read a whole number, also one like 1e5.
+
+    Raises
+    ------
+    ValueError
+        Where it is none; argparse then says which option has it.
+    """
+    try:
+        return int(text)
+    except ValueError:
+        value = float(text)
+    if not value.is_integer():
+        raise ValueError(f"{text} is no whole number")
+    return int(value)
+
+
+whole_number.__name__ = "whole number"  # What argparse calls it where it refuses one.
+
+
+class Option(NamedTuple):
+    """An option of the command line.
+
+    Its values are a number, positive or not, a whole number, a word, a file or none, as of a
+    switch; "2" marks one of two values at most, and "inf" numbers that may be infinite. It is for
+    some cases of `contact`, or for commands for linear systems. Its help says what it is, with its
+    unit, and its default.
+    """
+
+    values: str
+    cases: tuple[str, ...]
+    default: Any
+    help: str
+
+    @property
+    def type(self) -> Any:
+        """What reads a value."""
+        return TYPES[self.values.split()[0]]
+
+
+TYPES = {"number": float, "positive": float, "whole": whole_number, "word": str, "file": Path}
+TYPES |= {"switch": None}
+# fmt: off
+OF_LINEAR = {
+    "test": Option("whole", PAPER, 1, "problem (default: 1)"),
+    "n": Option("whole", PAPER, 2**20, "number of elements (default: 2^20)"),
+    "output": Option("file", SOLVE, None, "solution"),
+    "mask": Option("file", SOLVE, None, "where A is restricted to: true or 1"),
+    "solver": Option("word", LINEAR, "multigrid",
+        "multigrid cycles, Richardson with a preconditioner, or conjugate gradients "
+        "(default: multigrid; of solve: cg, unless a cycle is given)"),
+    "preconditioner": Option("word", LINEAR, None,
+        "for richardson (default: fft-rsm) and cg (default: default, which depends on the "
+        "matrix and the mask)"),
+    "cycle": Option("word", LINEAR, None,
+        "V(pre,post) or W(pre,post), at most 999 smoothing steps each "
+        "(default: V(0,1), and V(1,1) for cg)"),
+    "smoother": Option("word", LINEAR, "fft-rsm", "of the multigrid cycle (default: fft-rsm)"),
+    "rtol": Option("number", LINEAR, 1e-8, "relative residual (default: 1e-8)"),
+    "maxiter": Option("whole", LINEAR, 200, "most iterations (default: 200)"),
+    "seed": Option("whole", LINEAR, None,
+        "start from a random guess, as the paper does, not from zero"),
+    "plot": Option("file", LINEAR, None, "draw solution and convergence"),
+    "dpi": Option("whole", LINEAR, 150, "dots an inch of it (default: 150)"),
+}
+OF_CONTACT = {
+    "radius": Option("positive 2", SMOOTH, (10.0,),
+        "of the sphere, mm; of two values, the radii of curvature along x and y (default: 10)"),
+    "line": Option("switch", SMOOTH, None,
+        "line contact of a cylinder in plane strain: forces are N/mm"),
+    "force": Option("positive", CASES, None,
+        "normal force, N or N/mm (default: 100, but of rough)"),
+    "approach": Option("positive", CASES, None, "of the bodies, mm; in place of the force"),
+    "G": Option("positive", CASES, 82000.0,
+        "shear modulus of both bodies, N/mm² (default: 82000)"),
+    "E": Option("positive", CASES, None,
+        "Young's modulus of both bodies, N/mm²; in place of G"),
+    "nu": Option("number", CASES, 0.28, "Poisson's ratio of both bodies (default: 0.28)"),
+    "G2": Option("positive inf", CASES, None,
+        "shear modulus of the second body where it is unlike the first; inf: it is rigid"),
+    "E2": Option("positive inf", CASES, None,
+        "Young's modulus of the second body; in place of G2"),
+    "nu2": Option("number", CASES, None,
+        "Poisson's ratio of the second body (default: that of the first)"),
+    "n": Option("whole", SMOOTH, 256, "elements along the longer side of the grid (default: 256)"),
+    "size": Option("positive", SMOOTH, None,
+        "longer side of the grid, mm (default: 1.3 times the contact of Hertz's theory)"),
+    "friction": Option("positive inf", MOVED, 0.3,
+        "coefficient of friction; inf bonds the bodies (default: 0.3)"),
+    "tangential": Option("number 2", MOVED, None,
+        "tangential force along x, or x and y, N or N/mm (default of shift: half of what friction "
+        "carries); of rolling in the place of the creepages along x and y, where one number leaves "
+        "none along y"),
+    "shift": Option("number 2", SHIFT, None,
+        "rigid shift along x, or x and y, mm; in place of the force"),
+    "longitudinal": Option("number", ROLLING, None,
+        "creepage along x, the direction of rolling: rigid slip over distance "
+        "(default: -0.002 without other creepages)"),
+    "lateral": Option("number", ROLLING, None, "creepage along y (default: 0)"),
+    "spin": Option("number", ROLLING, None, "creepage by rotation, 1/mm (default: 0)"),
+    "moment": Option("number", ROLLING, None, "about the middle, N mm; in place of the spin"),
+    "tolerance": Option("positive", CASES, 1e-8,
+        "violation of the conditions of contact, relative to the largest displacement "
+        "(default: 1e-8)"),
+    "element": Option("positive 2", ROUGH, None,
+        "size of a pixel along x, or x and y, where the file does not say it"),
+    "unit": Option("word", ROUGH, None,
+        "of heights and pixels, as um (default: that of the file; of heights alone mm)"),
+    "periodic": Option("switch", ROUGH, None, "the surface repeats, whatever the file says"),
+    "hardness": Option("positive", ROUGH, None,
+        "pressure at which the softer body yields, N/mm² (default: it does not)"),
+    "output": Option("file", CASES, None, "write the fields, as arrays by name"),
+    "plot": Option("file", CASES, None, "draw the tractions and the areas of stick and slip"),
+    "dpi": Option("whole", CASES, 150, "dots an inch of the picture (default: 150)"),
+}
+# fmt: on
 MOST_THREADS = 1024  # More than any one machine has cores.
-MOST = 2**40  # Most elements of a problem of the paper: no memory holds a vector of 8 TiB.
+THREADS = Option("whole", LINEAR, None, "threads that share the work (default: all cores)")
+MORE: dict[str, dict[str, Any]] = {  # More that argparse is told.
+    "test": {"choices": tuple(TESTS)},
+    "mask": {"metavar": "MASK.npy"},
+    "solver": {"choices": ("multigrid", "richardson", "cg")},
+    "preconditioner": {"choices": ("none", *PRECONDITIONERS, "multigrid")},
+    "smoother": {"choices": tuple(PRECONDITIONERS)},
+    "plot": {"metavar": "FILE"},
+}
+METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
+SHORT = {"n": ("-n",), "output": ("-o", "--output")}
+# What else values must be, of options for linear systems and of those for contact.
+RULES_OF_LINEAR: Rules = {
+    "n": (lambda n: n <= 2**40, f"be at most {2**40}"),  # No memory holds a vector of 8 TiB.
+    "rtol": (lambda x: 0.0 < x < 1.0, "lie between 0 and 1"),
+    "maxiter": (lambda k: k >= 1, "be at least 1"),
+    "seed": (lambda seed: seed >= 0, "not be negative"),
+    "dpi": (lambda dpi: 10 <= dpi <= 1200, "be 10 to 1200"),  # More than any journal asks for.
+}
+RULES_OF_CONTACT: Rules = {
+    "nu": (lambda nu: -1.0 < nu <= 0.5, "be above -1 and at most 0.5"),
+    "tolerance": (lambda x: x < 1.0, "be below 1"),
+    "n": (lambda n: 8 <= n <= 2**24, f"be 8 to {2**24}"),  # A contact needs a few to be one.
+    "output": (lambda path: path.suffix == ".npz", "end in .npz"),
+    "dpi": RULES_OF_LINEAR["dpi"],
+}
+RULES_OF_CONTACT["nu2"] = RULES_OF_CONTACT["nu"]
+# Of two options that both decide one thing only one is given.
+EXCLUSIVE = (
+    ("force", "approach"),
+    ("tangential", "shift"),
+    ("tangential", "longitudinal"),
+    ("tangential", "lateral"),
+    ("moment", "spin"),
+    ("E", "G"),
+    ("E2", "G2"),
+)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser without abbreviations, whose errors show the usage of the command that was given.
+
+    Without defaults an option counts wherever it stands, and a stray one is seen. There are no
+    abbreviations: --n would be taken for --nu.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        bare: dict[str, Any] = {"argument_default": argparse.SUPPRESS, "allow_abbrev": False}
+        super().__init__(**(bare | options))
+        self._negative_number_matcher: re.Pattern[str] = NEGATIVE
+        self.commands: dict[str, Parser] = {}
+
+    def parse_command(self, arguments: Sequence[str] | None = None) -> argparse.Namespace:
+        """Return what is given; an argument that nothing takes is an error of its command."""
+        words = sys.argv[1:] if arguments is None else arguments
+        for word in takewhile(lambda word: word not in self.commands, words):
+            # argparse would take what follows for a command, and refuse that.
+            if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions:
+                self.error(f"unrecognized arguments: {word}")
+        given, rest = self.parse_known_args(words)
+        if rest:
+            command = self.commands.get(getattr(given, "command", None) or "", self)
+            command.error(f"unrecognized arguments: {' '.join(rest)}")
+        return given
+
+
+def parser() -> Parser:
+    """Return the parser of the command line."""
+    main = Parser(
+        prog="toeplitz-mg",
+        description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
+        "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
+        "The command solve takes a system of your own, the command contact solves a contact "
+        "problem.",
+        epilog=EXIT_STATUS,
+    )
+    main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")
+    commands = main.add_subparsers(dest="command", metavar="{solve,contact}")
+    solve = commands.add_parser(
+        "solve",
+        help="solve a system of your own",
+        description="Solve A x = b, A symmetric positive definite Toeplitz.",
+        epilog="Files are NumPy's (.npy) or tables of numbers in text (.txt, .csv, .dat). "
+        "X is written whole or not at all, and only where the solver has converged.",
+    )
+    solve.add_argument(
+        "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several axes"
+    )
+    solve.add_argument(
+        "rhs", type=Path, metavar="RHS.npy", help="b, on the grid or flat; with a mask also (N,)"
+    )
+    contact = commands.add_parser(
+        "contact",
+        help="contact of two elastic bodies",
+        description="Press a sphere, an ellipsoid or a cylinder on a flat "
+        "(hertz), shift it then with Coulomb friction (shift), or roll it steadily (rolling); or "
+        "press a measured surface, from a FILE of heights, on a flat (rough). Units are N and mm.",
+        epilog="Files are written whole or not at all, and only where the solver has converged. "
+        + EXIT_STATUS,
+    )
+    contact.add_argument("case", choices=CASES, help="what to do")
+    contact.add_argument(
+        "file",
+        nargs="?",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="rough: heights, positive at summits; .npy, a table of text, or what "
+        "SurfaceTopography reads; a single column is a profile",
+    )
+    for command, of_case in ((main, "paper"), (solve, "solve")):
+        group = command.add_argument_group("method")
+        for name, option in OF_LINEAR.items():
+            if of_case in option.cases:
+                of_both = option.cases == LINEAR
+                more = {"required": True, "metavar": "X.npy"} if name == "output" else {}
+                _add(group if of_both else command, name, option, MORE.get(name, more))
+    for name, option in OF_CONTACT.items():
+        more = {"metavar": METAVARS[name]} if name in METAVARS else {}
+        only = "" if option.cases in (CASES, SMOOTH) else f"{' and '.join(option.cases)}: "
+        _add(contact, name, option._replace(help=only + option.help), more)
+    for command in (main, solve, contact):
+        _add(command, "threads", THREADS, {})
+    main.commands = {"solve": solve, "contact": contact}
+    return main
+
+
+def _add(parser: Any, name: str, option: Option, more: dict[str, Any]) -> None:
+    """Add an option to a parser, or to a group of one."""
+    special: dict[str, Any] = {"type": option.type} | more
+    if option.type is None:
+        special = {"action": "store_true"}
+    elif "2" in option.values:
+        special |= {"nargs": "+", "metavar": name.upper()}
+    parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=option.help, **special)
+
+
+def take_threads(given: argparse.Namespace) -> int:
+    """Take the number of threads from what is given, and return it: by default all cores."""
+    number: int | None = vars(given).pop("threads", None)
+    if number is not None:
+        if not 1 <= number <= MOST_THREADS:
+            raise ValueError(f"--threads is {number}, but must be 1 to {MOST_THREADS}")
+        return number
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))  # Those that this process may use.
+    return getattr(os, "process_cpu_count", os.cpu_count)() or 1  # It is since Python 3.13.
+
+
+def _check(table: Mapping[str, Option], rules: Rules, given: Mapping[str, Any], case: str) -> None:
+    """Check each option that is given by itself, and whether the case takes it."""
+    for name, option in table.items():
+        if name not in given:
+            continue
+        flag, value = "-n" if name == "n" else f"--{name}", given[name]
+        if case not in option.cases:
+            raise ValueError(f"{flag} is for {' and '.join(option.cases)}, not {case}")
+        values = value if isinstance(value, list) else [value]
+        if len(values) > 2:
+            raise ValueError(f"{flag} has {len(values)} values, but takes 1 to 2")
+        is_right, said = rules.get(name, (None, ""))
+        for x in values:
+            if isinstance(x, float) and not ("inf" in option.values and math.isinf(x)):
+                if not math.isfinite(x):
+                    raise ValueError(f"{flag} is {x}, but must be finite")
+                in_range(flag, abs(x))
+            if "positive" in option.values and not x > 0.0:
+                raise ValueError(f"{flag} is {x}, but must be positive")
+            if is_right is not None and not is_right(x):
+                raise ValueError(f"{flag} is {x}, but must {said}")
+        if name == "plot":
+            files.check_plotting(value)
+    if "dpi" in given and "plot" not in given:
+        raise ValueError("--dpi is of the picture that --plot draws, which is not given")
+
+
+# Linear systems ---------------------------------------------------------------------------------
 
 
 class Cycle(NamedTuple):
@@ -51,137 +360,15 @@ class Cycle(NamedTuple):
         return cls(match[1], int(match[2]), int(match[3]))
 
 
-def _method_options(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("method")
-    group.add_argument(
-        "--solver",
-        choices=("multigrid", "richardson", "cg"),
-        help="multigrid cycles, Richardson with a preconditioner, or conjugate gradients "
-        "(default: multigrid; of solve: cg, unless a cycle is given)",
-    )
-    group.add_argument(
-        "--preconditioner",
-        choices=("none", *PRECONDITIONERS, "multigrid"),
-        help="for richardson (default: fft-rsm) and cg (default: default, which depends on the "
-        "matrix and the mask)",
-    )
-    group.add_argument(
-        "--cycle",
-        help="V(pre,post) or W(pre,post), at most 999 smoothing steps each "
-        "(default: V(0,1), and V(1,1) for cg)",
-    )
-    group.add_argument(
-        "--smoother",
-        choices=tuple(PRECONDITIONERS),
-        help="of the multigrid cycle (default: fft-rsm)",
-    )
-    group.add_argument("--rtol", type=float, help="relative residual (default: 1e-8)")
-    group.add_argument("--maxiter", type=whole_number, help="most iterations (default: 200)")
-    group.add_argument(
-        "--seed",
-        type=whole_number,
-        help="start from a random guess, as the paper does, not from zero",
-    )
-    group.add_argument("--plot", type=Path, metavar="FILE", help="draw solution and convergence")
-    group.add_argument("--dpi", type=whole_number, help=f"dots an inch of it (default: {DPI})")
-
-
-def _add_threads(*parsers: argparse.ArgumentParser) -> None:
-    for parser in parsers:
-        parser.add_argument(
-            "--threads", type=whole_number, help="threads that share the work (default: all cores)"
-        )
-
-
-def take_threads(given: argparse.Namespace) -> int:
-    """Take the number of threads from what is given, and return it: by default all cores."""
-    number: int = vars(given).pop("threads", None)
-    if number is None:
-        return _count_cores()
-    if not 1 <= number <= MOST_THREADS:
-        raise ValueError(f"--threads is {number}, but must be 1 to {MOST_THREADS}")
-    return number
-
-
-def _count_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return getattr(os, "process_cpu_count", os.cpu_count)() or 1  # It is since Python 3.13.
-
-
-DEFAULTS: dict[str, Any] = {
-    "test": 1,
-    "n": 2**20,
-    "solver": "multigrid",
-    "preconditioner": None,
-    "cycle": None,
-    "smoother": "fft-rsm",
-    "rtol": 1e-8,
-    "maxiter": 200,
-    "seed": None,
-    "plot": None,
-    "dpi": DPI,
-}
-
-
-def parser() -> Parser:
-    """Return the parser of the command line."""
-    main = Parser(
-        prog="toeplitz-mg",
-        description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
-        "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
-        "The command solve takes a system of your own, the command contact solves a contact "
-        "problem.",
-        epilog=EXIT_STATUS,
-    )
-    main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")
-    main.add_argument("--test", type=int, choices=tuple(TESTS), help="problem (default: 1)")
-    main.add_argument("-n", type=whole_number, help="number of elements (default: 2^20)")
-    _method_options(main)
-    commands = main.add_subparsers(dest="command", metavar="{solve,contact}")
-    solve = commands.add_parser(
-        "solve",
-        help="solve a system of your own",
-        description="Solve A x = b, A symmetric positive definite Toeplitz.",
-        epilog="Files are NumPy's (.npy) or tables of numbers in text (.txt, .csv, .dat). "
-        "X is written whole or not at all, and only where the solver has converged.",
-    )
-    solve.add_argument(
-        "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several axes"
-    )
-    solve.add_argument(
-        "rhs", type=Path, metavar="RHS.npy", help="b, on the grid or flat; with a mask also (N,)"
-    )
-    solve.add_argument("-o", "--output", type=Path, required=True, metavar="X.npy", help="solution")
-    solve.add_argument(
-        "--mask", type=Path, metavar="MASK.npy", help="where A is restricted to: true or 1"
-    )
-    _method_options(solve)
-    contact = contact_arguments.add_parser(commands)
-    _add_threads(main, solve, contact)
-    main.commands = {"solve": solve, "contact": contact}
-    return main
-
-
-def complete(given: argparse.Namespace) -> argparse.Namespace:
-    """Fill in the defaults, and refuse what cannot be meant."""
-    if given.command == "solve" and (hasattr(given, "test") or hasattr(given, "n")):
+def complete_linear(given: argparse.Namespace) -> argparse.Namespace:
+    """Fill in the defaults of a linear system, and refuse what cannot be meant."""
+    is_solve, told = given.command == "solve", vars(given)
+    if is_solve and (hasattr(given, "test") or hasattr(given, "n")):
         raise ValueError("--test and -n choose a problem of the paper, which solve does not solve")
-    no_files = dict.fromkeys(("column", "rhs", "mask", "output"))
-    options = argparse.Namespace(**(DEFAULTS | no_files | vars(given)))
+    defaults = {name: option.default for name, option in OF_LINEAR.items()}
+    options = argparse.Namespace(**({"column": None, "rhs": None} | defaults | told))
     _choose_method(given, options)
-    if options.n > MOST:
-        raise ValueError(f"-n is {options.n}, but must be at most {MOST}")
-    if not 0.0 < options.rtol < 1.0:
-        raise ValueError(f"--rtol is {options.rtol}, but must lie between 0 and 1")
-    if options.maxiter < 1:
-        raise ValueError(f"--maxiter is {options.maxiter}, but must be at least 1")
-    if options.seed is not None and options.seed < 0:
-        raise ValueError(f"--seed is {options.seed}, but must not be negative")
-    if options.plot is not None:
-        files.check_plotting(options.plot)
-    check_dpi(vars(given))
+    _check(OF_LINEAR, RULES_OF_LINEAR, told, "solve" if is_solve else "paper")
     read = (options.column, options.rhs, options.mask)
     files.check_files((options.output, options.plot), read)
     return options
@@ -207,3 +394,75 @@ def _choose_method(given: argparse.Namespace, options: argparse.Namespace) -> No
             raise ValueError(
                 "cg needs a symmetric preconditioner: neither fft-sd nor pre unlike post"
             )
+
+
+# Contact ----------------------------------------------------------------------------------------
+
+
+def complete_contact(given: argparse.Namespace) -> argparse.Namespace:
+    """Fill in the defaults of a contact problem, and refuse what cannot be meant."""
+    options = {key: value for key, value in vars(given).items() if value is not None}
+    # argparse also takes options of the main command, where they stand before this one.
+    for name in options.keys() - OF_CONTACT.keys() - {"command", "case", "file"}:
+        raise ValueError(f"--{name} is for linear systems, not for contact")
+    case = options["case"]
+    _check(OF_CONTACT, RULES_OF_CONTACT, options, case)
+    _check_together(case, options)
+    files.check_files((options.get("output"), options.get("plot")), (options.get("file"),))
+    defaults = {name: option.default for name, option in OF_CONTACT.items()}
+    if "approach" not in options and case != "rough":
+        defaults["force"] = FORCE
+    return argparse.Namespace(**(defaults | options), material=_materials(options))
+
+
+def _materials(options: dict[str, Any]) -> Material | tuple[Material, Material]:
+    """Return the material of both bodies, or that of each."""
+    first = {name: options[name] for name in ("E", "G", "nu") if name in options}
+    second = {name: options[f"{name}2"] for name in ("E", "G", "nu") if f"{name}2" in options}
+    if not second:
+        return _material(**first)
+    moduli = {name: first[name] for name in first if name == "nu" or second.keys() == {"nu"}}
+    return _material(**first), _material(**(moduli | second))
+
+
+def _material(
+    E: float | None = None,
+    G: float = OF_CONTACT["G"].default,
+    nu: float = OF_CONTACT["nu"].default,
+) -> Material:
+    if math.isinf(G if E is None else E):
+        return Material.rigid()
+    return Material.from_shear(G, nu) if E is None else Material(E=E, nu=nu)
+
+
+def _check_together(case: str, options: dict[str, Any]) -> None:
+    """Check what options mean for each other."""
+    for one, other in EXCLUSIVE:
+        if one in options and other in options:
+            raise ValueError(f"--{one} and --{other} are both given, but one decides the other")
+    if case == "rough" and "file" not in options:
+        raise ValueError("rough needs a FILE of heights")
+    if case == "rough" and not {"force", "approach"} & options.keys():
+        raise ValueError("rough needs --force or --approach")
+    if case != "rough" and "file" in options:
+        raise ValueError(f"a file, {options['file']}, is for rough, not {case}")
+    has_load = "tangential" in options or "shift" in options
+    if case == "shift" and math.isinf(options.get("friction", 0.0)) and not has_load:
+        raise ValueError("--friction is inf: give --tangential or --shift, as nothing slides")
+    if "line" not in options:
+        return
+    why = {
+        "approach": "plane strain leaves it open by a constant; give --force",
+        "spin": "line contact has no spin",
+        "moment": "line contact has no spin",
+    }
+    for name, reason in why.items():
+        if name in options:
+            raise ValueError(f"--{name} is not for --line: {reason}")
+    if "lateral" in options:
+        raise ValueError(
+            "--lateral is not for --line, which rolls along x here; contact.rolling takes it"
+        )
+    for name in ("radius", "tangential", "shift"):
+        if len(options.get(name, ())) > 1:
+            raise ValueError(f"--{name} has two values, but --line takes one")

@@ -1,4 +1,4 @@
-"""What the main command and `solve` share: iterating on a linear system, and the report."""
+"""Linear systems: those of the paper, `toeplitz-mg`, and those of files, `toeplitz-mg solve`."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -15,10 +15,12 @@ from scipy.sparse.linalg import LinearOperator
 import toeplitz_mg as tmg
 from toeplitz_mg._typing import Array, Mask
 from toeplitz_mg.cli import files, report
-from toeplitz_mg.cli.arguments import PRECONDITIONERS
+from toeplitz_mg.cli.arguments import PRECONDITIONERS, complete_linear
 from toeplitz_mg.cli.report import format_error, print_step
 from toeplitz_mg.operators.base import grid_of
 from toeplitz_mg.operators.lifting import unwrap
+from toeplitz_mg.paper import published
+from toeplitz_mg.paper.problems import TESTS
 
 
 @dataclass(frozen=True)
@@ -88,29 +90,59 @@ class Progress:
         self.seconds += perf_counter() - start
 
 
-def run(
+def run_paper(given: argparse.Namespace) -> int:
+    """Run the command, and return the exit status."""
+    options = complete_linear(given)
+    problem = TESTS[options.test](options.n)
+    title = f"Test {options.test} of the paper with {options.n} elements"
+    system = System(title, problem.A, problem.b, problem.x)
+    return _run(system, options, lambda label: _format_published(label, options))
+
+
+def run_solve(given: argparse.Namespace) -> int:
+    """Run the command, and return the exit status."""
+    options = complete_linear(given)
+    A: LinearOperator = tmg.ToeplitzOperator(_load_real(options.column))
+    if options.mask is not None:
+        A = tmg.MaskedOperator(A, _load_mask(options.mask))
+    b = _load_real(options.rhs)
+    on_grid = options.mask is not None and b.shape == A.grid_shape
+    if on_grid:
+        b = b[A.mask]
+    elif b.size == A.shape[0] and b.shape in (A.grid_shape, (A.shape[0],)):
+        b = b.ravel()
+    else:
+        raise ValueError(
+            f"{options.rhs} has shape {b.shape}, but the unknowns are {A.shape[0]} "
+            f"on the grid {A.grid_shape}"
+        )
+    title = f"{options.column} with {A.shape[0]} unknowns"
+    return _run(System(title, A, b, on_grid=on_grid), options)
+
+
+def _run(
     system: System,
     options: argparse.Namespace,
-    published: Callable[[str], str] = lambda label: "",
+    of_others: Callable[[str], str] = lambda label: "",
 ) -> int:
     """Solve a system, and return the exit status.
 
-    `published` gives a line of the report that stands for what others have found, or nothing.
+    `of_others` gives a line of the report that stands for what others have found, or nothing.
     """
-    check_right_hand_side(system.b)
+    _check_right_hand_side(system.b)
     if not system.b.any():
-        return answer_zero(system, options)
+        return _answer_zero(system, options)
     start = perf_counter()
     with report.Waiting("setting up"):
-        M, label = set_up(system.A, options)
+        M, label = _set_up(system.A, options)
     setup = perf_counter() - start
     method = label if M is None else M
     print(f"{system.title}\n{'CG with ' if options.solver == 'cg' else ''}{method}\n")
-    solution = iterate(system, M, options)
+    solution = _iterate(system, M, options)
     written = solution.converged and options.output is not None
     if written:  # First of all, so that the solution does not depend on what can be printed.
         files.save(options.output, system.on_its_grid(solution.x))
-    print_report(solution, setup, published(label))
+    _print_report(solution, setup, of_others(label))
     if not solution.converged:
         advice = f"--rtol {options.rtol:g} is out of reach: take a larger one"
         if len(solution.residuals) > options.maxiter:
@@ -124,13 +156,13 @@ def run(
     return 0 if solution.converged else 1
 
 
-def check_right_hand_side(b: Array) -> None:
+def _check_right_hand_side(b: Array) -> None:
     """Refuse a right-hand side that no residual can be relative to."""
     if not np.isfinite(_size(b)):
         raise ValueError("the norm of the right-hand side is not a number of float64: scale it")
 
 
-def answer_zero(system: System, options: argparse.Namespace) -> int:
+def _answer_zero(system: System, options: argparse.Namespace) -> int:
     """Write the solution of A x = 0, and return the exit status."""
     print(f"{system.title}\n\nconverged: the right-hand side is zero, and so is the solution")
     if options.output is not None:
@@ -141,7 +173,7 @@ def answer_zero(system: System, options: argparse.Namespace) -> int:
     return 0
 
 
-def set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperator | None, str]:
+def _set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperator | None, str]:
     """Return the approximate inverse that the options ask for, and its name."""
     name, cycle = options.preconditioner, options.cycle
     if name == "none":
@@ -165,7 +197,7 @@ def set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperat
     return M, str(cycle)
 
 
-def iterate(system: System, M: LinearOperator | None, options: argparse.Namespace) -> Solution:
+def _iterate(system: System, M: LinearOperator | None, options: argparse.Namespace) -> Solution:
     """Iterate from zero or a random guess, and print the residuals."""
     print(" iteration   residual / right-hand side", flush=True)
     progress = Progress(system, report.Waiting("iterating"))
@@ -187,7 +219,7 @@ def iterate(system: System, M: LinearOperator | None, options: argparse.Namespac
     return Solution(x, residuals, residual, converged, work.units(prod(grid_of(system.A))), seconds)
 
 
-def print_report(solution: Solution, setup: float, published: str) -> None:
+def _print_report(solution: Solution, setup: float, of_others: str) -> None:
     """Print what was found, and beside it what others have."""
     count = len(solution.residuals) - 1
     factor = (solution.residual / solution.residuals[0]) ** (1.0 / max(count, 1))
@@ -198,10 +230,58 @@ def print_report(solution: Solution, setup: float, published: str) -> None:
         f"{'this run':12s}{count:10d}   {factor:6.4f}   {solution.units:10.1f}   "
         f"{solution.seconds:7.2f}   and {setup:.2f} to set up"
     )
-    if published:
-        print(published)
+    if of_others:
+        print(of_others)
 
 
 def _size(v: Array) -> float:
     # The norm is taken in float64, as that of numbers of float32 may be no number of float32.
     return float(norm(v.astype(np.float64, copy=False), check_finite=False))
+
+
+def _format_published(label: str, options: argparse.Namespace) -> str:
+    """Return what the paper has in the place of the last line, as far as it is legible."""
+    log_n = options.n.bit_length() - 1
+    if options.n != 2**log_n or options.rtol != 1e-8 or options.solver == "cg":
+        return ""
+    is_solver = options.solver == "richardson" and label == "fft-rsm"
+    key = (options.test, "solver" if is_solver else label)
+    table = {"fft-rsm": published.ROW_SUM, "fft-sd": published.DEFLATION}.get(options.smoother, {})
+    cell = (published.SOLVER[options.test] if is_solver else table.get(key, {})).get(log_n)
+    at_the_end = log_n == 20 and (is_solver or options.smoother == "fft-rsm")
+    units = published.WORK_UNITS.get(key) if at_the_end else None
+    seconds = published.CPU_SECONDS.get(key) if at_the_end else None
+    if cell is None and units is None:
+        return ""
+    if cell is not None:
+        iterations, factor = str(cell.iterations), f"{cell.factor:.4f}"
+    else:  # The cell is illegible, but Table VI gives it away.
+        factor, a_step = "", 2 if is_solver else published.UNITS_PER_CYCLE[label]
+        iterations = str((units or 0) // a_step)
+    line = f"{'the paper':12s}{iterations:>10s}   {factor:>6s}   {units or '':>10}"
+    return line + (f"   {seconds:>7}   in Matlab, at 3.17 GHz" if seconds else "")
+
+
+def _load_real(path: Path) -> Array:
+    """Read real numbers, in double precision: no less has the residual that is asked for."""
+    array = files.load(path)
+    if array.dtype.kind not in "buif":
+        raise ValueError(f"{path} has dtype {array.dtype}, but must be of real numbers")
+    wrong = np.argwhere(~np.isfinite(array))
+    if wrong.size:
+        place = tuple(wrong[0].tolist())
+        raise ValueError(f"{path} has the value {array[place]} at {place}, but must be finite")
+    return array.astype(np.float64)
+
+
+def _load_mask(path: Path) -> Array:
+    """Read a mask of booleans, or of 0 and 1."""
+    mask = files.load(path)
+    if mask.dtype == np.bool_:
+        return mask
+    if mask.dtype.kind not in "uif":
+        raise ValueError(f"{path} has dtype {mask.dtype}, but must be of booleans, or of 0 and 1")
+    others = mask[(mask != 0) & (mask != 1)]
+    if others.size:
+        raise ValueError(f"{path} has the value {others[0]:g}, but must be of 0 and 1")
+    return mask.astype(bool)

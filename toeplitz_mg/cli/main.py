@@ -11,11 +11,11 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg import startup
-from toeplitz_mg.cli import contact, paper, report, solve
+from toeplitz_mg.cli import contact, linear, report
 from toeplitz_mg.cli.arguments import parser, take_threads
 
 BROKEN_PIPE = 141  # Exit status: 128 and the number of SIGPIPE, which ends other programs so.
-COMMANDS = {None: paper.run, "solve": solve.run, "contact": contact.run}
+COMMANDS = {None: linear.run_paper, "solve": linear.run_solve, "contact": contact.run}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
