@@ -9,15 +9,9 @@ from toeplitz_mg.engine.embedding import cut
 
 
 def coarsen(x: Array, halved: tuple[bool, ...] = (True, True), xp: Any = np) -> Array:
-    """Average 2 elements along each of the last axes; a last one alone counts twice.
+    """Average 2 elements along the last axes that are halved; a last one alone counts twice.
 
-    Parameters
-    ----------
-    x : ndarray
-    halved : tuple of bool
-        Whether elements are averaged, for each axis of the grid; before these axes are components.
-    xp : module
-        The library of the array.
+    The array is of the library `xp`.
     """
     for axis, two in enumerate(halved, x.ndim - len(halved)):
         n = x.shape[axis]
@@ -38,17 +32,9 @@ def refine(
 ) -> Array:
     """Interpolate a field of a coarser grid: 3/4 of the nearest element, 1/4 of the next.
 
-    Parameters
-    ----------
-    x : ndarray
-    shape : tuple of int
-        The shape of the finer grid, whose axes are the last ones of `x`.
-    halved : tuple of bool
-        The axes along which the coarser grid has half of the elements.
-    periodic : tuple of bool
-        The axes along which the first element is the next of the last one.
-    xp : module
-        The library of the array.
+    The finer grid has this shape, and twice the elements along axes that are halved; along those
+    that are periodic the first element is the next of the last one. The array is of the library
+    `xp`.
     """
     for k, n in enumerate(shape):
         axis = x.ndim - len(shape) + k

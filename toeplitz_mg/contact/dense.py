@@ -20,18 +20,9 @@ def precision_for(unit: float) -> type[np.floating[Any]]:
 
 
 class DenseMatrix:
-    """A matrix on the elements in contact, as an array.
+    """The rows and columns of a matrix for the elements in contact, as an array.
 
-    Parameters
-    ----------
-    K : ToeplitzOperator or CoupledOperator
-    contact : ndarray of bool
-        The elements in contact: the fields of these are one axis.
-
-    Attributes
-    ----------
-    array : ndarray
-        In double precision.
+    Fields of these elements are one axis.
     """
 
     vectors = VECTORS

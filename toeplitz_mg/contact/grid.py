@@ -61,34 +61,19 @@ class Grid:
 
     What the searches do with more than one element is here and in `vectors`, so that they need not
     know whether a field is in one piece. `toeplitz_mg.slabs` has a grid that is not.
-
-    Attributes
-    ----------
-    shape : (int,) or (int, int)
-        One axis is line contact: strips across the direction of x.
-    element : tuple of float
-        (h1, h2), the size of an element; of strips (h, b), their width and length, or (h,) where
-        they are of infinite length, which is plane strain.
-    material : CombinedMaterial
-        Of the two bodies.
-    reference : float
-        In plane strain, and on a surface that repeats along one axis, the distance at which a line
-        load moves nothing.
-    periodic : tuple of bool
-        Along which axes the surface repeats.
-    directions : str
-        Of tangential tractions: "x" or "xy".
-    library : Library
-        Of the arrays that fields are.
     """
 
-    shape: tuple[int, ...]
+    shape: tuple[int, ...]  # One axis is line contact: strips across the direction of x.
+    # (h1, h2), the size of an element; of strips (h, b), their width and length, or (h,) where they
+    # are of infinite length, which is plane strain.
     element: tuple[float, ...]
-    material: CombinedMaterial
+    material: CombinedMaterial  # Of the two bodies.
+    # In plane strain, and on a surface that repeats along one axis, the distance at which a line
+    # load moves nothing.
     reference: float
-    periodic: tuple[bool, ...]
-    directions: str = "xy"
-    library: Library = NUMPY
+    periodic: tuple[bool, ...]  # Along which axes the surface repeats.
+    directions: str = "xy"  # Of tangential tractions: "x" or "xy".
+    library: Library = NUMPY  # Of the arrays that fields are.
     callers = 0  # Functions between the user and the one of `contact` that has made it.
 
     @classmethod

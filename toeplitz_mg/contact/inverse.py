@@ -24,14 +24,7 @@ WIDE = 2**17  # Fewest elements of a grid whose transforms take longer than FSAI
 
 
 class LocalInverse:
-    """FSAI on some elements, and the identity on others.
-
-    Parameters
-    ----------
-    P : LinearOperator
-        An approximate inverse on the elements.
-    C : ndarray of bool, of the shape of a field
-    """
+    """FSAI of some elements C, an approximate inverse P on them, and the identity on others."""
 
     def __init__(self, P: Any, C: Array) -> None:
         self.C, self._library, self._apply = C, library_for(P), partial(apply_to_rows, P)
@@ -48,16 +41,8 @@ def invert_locally(
 ) -> LocalInverse | None:
     """Return FSAI on some elements, or None where it is refused, or not worth its set-up.
 
-    Parameters
-    ----------
-    grid : Grid
-    A : ToeplitzOperator or CoupledOperator
-        A matrix of the grid.
-    C : ndarray of bool, of the shape of the grid
-    change : float
-        The share of the elements that has just changed.
-    dtype : float32 or float64, optional
-        The precision in which FSAI is kept and applied, that of `A` by default.
+    The matrix A is of the grid. A share of the elements has just changed. By default FSAI is kept,
+    and applied, in the precision of A.
     """
     if not is_fsai_worthwhile(_count(grid, A), partial(grid.fragmentation, C), change):
         return None
@@ -69,20 +54,10 @@ def invert_locally(
 
 
 def invert_on(grid: Grid, A: Any, C: Array) -> Any:
-    """Return an approximate inverse of the rows and columns of some elements.
+    """Return an approximate inverse of the rows and columns of A for some elements.
 
-    Parameters
-    ----------
-    grid : Grid
-    A : ToeplitzOperator or CoupledOperator
-        A matrix of the grid.
-    C : ndarray of bool, of the shape of the grid
-
-    Returns
-    -------
-    LinearOperator
-        In single precision, unless A is too ill-conditioned for it, its numbers are out of range,
-        or the elements so few that it saves nothing.
+    It is in single precision, unless A is too ill-conditioned for it, its numbers are out of range,
+    or the elements so few that it saves nothing.
     """
     dtype = precision_for(grid.diagonal(A)) if grid.vectors.count(C) > FEW else np.float64
     everywhere = extend_to_components(grid, A, C)
@@ -93,16 +68,7 @@ def invert_on(grid: Grid, A: Any, C: Array) -> Any:
 
 
 def invert_steady(grid: Grid, K: Any, C: Array, dtype: DTypeLike) -> Any:
-    """Return approximate inverses of the matrix of steady rolling with additions.
-
-    Parameters
-    ----------
-    grid : Grid
-    K : ToeplitzOperator or CoupledOperator
-    C : ndarray of bool, of the shape of the grid
-        The elements in contact.
-    dtype : float32 or float64
-    """
+    """Return approximate inverses of the matrix of steady rolling with additions, on a contact."""
     own: tuple[Any, ...] = ()
     if not grid.is_line and is_fsai_worthwhile(_count(grid, K), partial(grid.fragmentation, C)):
         with suppress(np.linalg.LinAlgError):

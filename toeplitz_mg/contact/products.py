@@ -118,17 +118,10 @@ class Displacements:
     def follow(
         self, q: Array, change: float, allowed: float, by: tuple[Array, Array] | None = None
     ) -> None:
-        """Go on to other tractions.
+        """Go on to other tractions, of which the displacements change by about so much.
 
-        Parameters
-        ----------
-        q : ndarray
-        change : float
-            About how large the change of the displacements is.
-        allowed : float
-            What the displacements may be off by in the end.
-        by : (ndarray, ndarray), optional
-            A part of the change of the tractions, and its displacements, where these are known.
+        In the end they may be off by what is allowed. Of a part of the change of the tractions the
+        displacements may be known: these two are `by`.
         """
         before, self._q = self._q, q
         if by is not None:
@@ -168,23 +161,13 @@ def for_coarser_grids(progress: Progress | None) -> Progress | None:
 
 @dataclass
 class Report:
-    """What is told of the products of one solution after the other.
+    """What is told of the products of one solution after the other."""
 
-    Attributes
-    ----------
-    progress : callable or None
-        Called as ``progress(products, residual)`` after each product.
-    products : int
-        Those of the solutions before.
-    residual : float
-        The violation after the last iteration: infinite before, when a solution tells its own.
-    exhausted : bool
-        Whether a solution has taken all products that it may: then it is none, nor are others.
-    """
-
-    progress: Progress | None
-    products: int = 0
+    progress: Progress | None  # Called as ``progress(products, residual)`` after each product.
+    products: int = 0  # Those of the solutions before.
+    # The violation after the last iteration: infinite before, when a solution tells its own.
     residual: float = inf
+    # Whether a solution has taken all products that it may: then it is none, nor are others.
     exhausted: bool = False
 
     def __call__(self, products: int, residual: float) -> None:

@@ -18,27 +18,10 @@ def descend(
 ) -> tuple[Array, Array]:
     """Lower the energy ½ x·Ax - b·x within a convex set, by Nesterov's method.
 
-    Parameters
-    ----------
-    A : callable
-        Products of a field with a symmetric positive definite matrix.
-    b : ndarray
-        A field of any shape.
-    x : ndarray of the shape of `b`
-        A point of the set, to start from.
-    project : callable
-        Returns the point of the set that is nearest to any field.
-    norm_bound : float
-        At least the largest eigenvalue of `A`.
-    products : int
-        The number of steps, each of which makes one product; there is one before them.
-    vectors : Vectors, optional
-        The inner products of the fields.
-
-    Returns
-    -------
-    x, Ax : ndarray
-        The iterate of the lowest energy, and its product.
+    It starts from a point x of the set, makes so many products, and one before them, and returns
+    the iterate of the lowest energy, and its product. `project` returns the point of the set that
+    is nearest to any field, and `norm_bound` is at least the largest eigenvalue of A, which is
+    positive definite.
 
     References
     ----------
@@ -50,9 +33,7 @@ def descend(
     --------
     >>> import numpy as np
     >>> A, b = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([2.0, -1.0])
-    >>> def project(x):
-    ...     return np.maximum(x, 0.0)
-    >>> x, _ = descend(lambda x: A @ x, b, np.zeros(2), project, 3.0, 60)
+    >>> x, _ = descend(lambda x: A @ x, b, np.zeros(2), lambda x: np.maximum(x, 0.0), 3.0, 60)
     >>> x.round(6)
     array([1., 0.])
     """

@@ -38,18 +38,10 @@ def box_around(grid: Any, ends: Iterable[tuple[int, int]], margin: float) -> Box
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle of elements of a grid.
+    """A rectangle of elements of a grid."""
 
-    Attributes
-    ----------
-    whole : Grid
-        The grid.
-    box : tuple of slice
-        The elements along each axis.
-    """
-
-    whole: Any
-    box: Box
+    whole: Any  # The grid.
+    box: Box  # The elements along each axis.
 
     @property
     def grid(self) -> Any:

@@ -27,13 +27,7 @@ LONG = 50  # Iterations after which the recurrence in single precision is not tr
 class Area:
     """Elements whose pressure is free, with a mask to multiply by: faster than to index by them.
 
-    Parameters
-    ----------
-    C : ndarray of bool
-    dtype : float32 or float64
-    vectors : Vectors
-    yields : ndarray of bool, optional
-        Of the other elements those that carry all they can: they may penetrate, but not open.
+    Of the other elements, those that yield carry all they can: they may penetrate, but not open.
     """
 
     def __init__(
@@ -125,29 +119,22 @@ def solve_on_set(
     tolerance: float,
     balanced: bool,
 ) -> Change:
-    """Solve on a set of elements in contact as far as the set is worth it.
+    """Solve on a set C of elements in contact as far as the set is worth it.
 
     Parameters
     ----------
-    A : Products
-        Products with a matrix whose diagonal is 1.
-    M : Inverse
-        An approximate inverse on the set.
-    C : ndarray of bool
-        The set.
-    p : ndarray
-        The pressures to start from.
-    now : Look
-        What is wrong with them.
+    A, M : Products, Inverse
+        Products with a matrix whose diagonal is 1, and an approximate inverse on the set.
+    p, now : ndarray, Look
+        The pressures to start from, and what is wrong with them.
     part : Part, Whole or None
         The elements that are looked at, to which the set belongs: what is returned is of these.
         All, where there is none.
     most : float
         The hardness, or infinity.
-    eta : float
-        The misfit that may be left, relative to the violation of the set.
-    tolerance : float
-        The error of complementarity below which no more is asked for.
+    eta, tolerance : float
+        The misfit that may be left, relative to the violation of the set, and the error of
+        complementarity below which no more is asked for.
     balanced : bool
         Whether the sum of the pressures is given, so that the change has the sum zero, and the
         approach is free.

@@ -27,10 +27,6 @@ class Part:
 
     Products are with the whole grid. All else, as inner products, which would pass over fields
     that are mostly zero, is of these elements.
-
-    Parameters
-    ----------
-    elements : ndarray of bool
     """
 
     def __init__(self, elements: Mask) -> None:

@@ -58,22 +58,17 @@ def find_set(
     Parameters
     ----------
     search : Search
-        The problem.
     A : Products
-    p, C : ndarray
-        Admissible pressures, and the set, to start from.
-    u : ndarray, optional
-        The displacements A p, where they are known.
+    p, C, u : ndarray
+        Admissible pressures, and the set, to start from; the displacements A p, where they are
+        known.
     eta : float
         The misfit that is left on the first sets, as `Search.advance` takes it.
 
     Returns
     -------
-    now : Iterate
-    law : Law
-        What is wrong with it.
-    iterations : tuple of int
-        The iterations on the sets, one after the other.
+    now, law, iterations
+        What is found, what is wrong with it, and the iterations on the sets, one after the other.
     """
     vectors, A.progress, b = A.vectors, search.progress, search.b
     if u is None:
@@ -115,32 +110,18 @@ class Law(NamedTuple):
 
 @dataclass(frozen=True)
 class Search:
-    """A problem on one grid, and how well it is to be solved.
-
-    Attributes
-    ----------
-    grid : Grid
-    z : ndarray
-        The gap before the bodies touch.
-    approach, force : float or None
-        One of the two.
-    tolerance : float
-        The error of the complementarity that is allowed, relative to the interference.
-    progress : callable, optional
-    hardness : float
-        The largest pressure.
-    exchanged : (ToeplitzOperator, ToeplitzOperator), optional
-        The matrix and its inverse in single precision, where gap and pressure have exchanged their
-        roles (see `exchange`).
-    """
+    """A problem on one grid, and how well it is to be solved."""
 
     grid: Grid
-    z: Array
+    z: Array  # The gap before the bodies touch.
     approach: float | None
-    force: float | None
+    force: float | None  # Either this or the approach is given.
+    # The error of the complementarity that is allowed, relative to the interference.
     tolerance: float
     progress: Progress | None = None
-    hardness: float = np.inf
+    hardness: float = np.inf  # The largest pressure.
+    # The matrix and its inverse in single precision, where gap and pressure have exchanged their
+    # roles (see `starts`).
     exchanged: tuple[ToeplitzOperator, ToeplitzOperator] | None = None
 
     @cached_property

@@ -54,18 +54,7 @@ class State(NamedTuple):
 
 
 def solve(search: Search, A: Products, *, nested: bool, guess: Array | None = None) -> State:
-    """Find the pressures and the area of contact.
-
-    Parameters
-    ----------
-    search : Search
-    A : Products
-        With its matrix.
-    nested : bool
-        Whether the first guess comes from coarser grids, where there is no other.
-    guess : ndarray, optional
-        Pressures, none of which is negative, that are near those to be found.
-    """
+    """Find the pressures and the area of contact, from a guess or, `nested`, from coarser grids."""
     before: tuple[int, ...] = ()
     if guess is None:
         guess, before = _press_all_but_few(search, A)
@@ -235,13 +224,7 @@ class Known(NamedTuple):
 def predict(known: Sequence[Known], load: float, vectors: Vectors) -> Array | None:
     """Return pressures under another load, or None where those that are known say nothing.
 
-    Parameters
-    ----------
-    known : sequence of Known
-        The last two loads count. With one of them, its pressures are returned.
-    load : float
-    vectors : Vectors
-        The sums of fields.
+    The last two loads count. With one of them, its pressures are returned.
     """
     last = known[-1]
     if not vectors.count(last.p):

@@ -28,15 +28,8 @@ SHARP = 0.3  # Part of the tolerance beyond which no areas are solved more exact
 class ConjugateSteps:
     """Steps of Newton's method on the elements in contact, by conjugate gradients.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its fields are of the elements in contact.
-    loads : Loads
-    A : Products
-        Products with the rows and columns of these elements.
-    whole : (Grid, LinearOperator, ndarray of bool)
-        The grid, the matrix on it, and the elements in contact.
+    Problem, loads and products are of these elements; `whole` is the grid, the matrix on it, and a
+    mask of them.
     """
 
     def __init__(

@@ -163,25 +163,16 @@ def friction(
 
 @dataclass(frozen=True)
 class Shifted:
-    """Arguments of `friction`, checked; see there.
+    """Arguments of `friction`, checked; see there."""
 
-    Attributes
-    ----------
-    shift : list of float, str or None
-        The uniform shift; "a field" if it is of each element.
-    change : ndarray or None
-        The shift, as an array that broadcasts to a field.
-    before : ndarray or None
-        The tractions of the `previous` contact.
-    """
-
-    shift: list[float] | str | None
+    shift: list[float] | str | None  # The uniform shift; "a field" if it is of each element.
     force: Any
     tolerance: float
     nested: bool
     max_products: int
+    # The shift, as an array that broadcasts to a field.
     change: Array | None = field(compare=False)
-    before: Array | None = field(compare=False)
+    before: Array | None = field(compare=False)  # The tractions of the `previous` contact.
     previous: TangentialResult | None = field(compare=False)
 
     @classmethod

@@ -36,15 +36,8 @@ DEPENDENT = 1e-6  # Relative addition to squared norms, so that changes may depe
 class Iteration:
     """Steps of an accelerated iteration, one after the other.
 
-    Parameters
-    ----------
-    problem : Problem
-    loads : Loads
-        The loads that are given in the place of creepages.
-    M : ShiftedInverses
-        Approximate inverses of K and additions to its diagonal.
-    depth : int
-        Most changes that are combined.
+    M are approximate inverses of K and additions to its diagonal, and `depth` the most changes that
+    are combined.
 
     References
     ----------

@@ -90,14 +90,7 @@ def scale_to_bound(q: Array, g: Array, on_circle: Array) -> Array:
 
 
 class Tangent:
-    """Directions in which the tractions may change while the areas are fixed.
-
-    Parameters
-    ----------
-    areas : Areas
-    q : ndarray
-        Admissible, |q| = g where it slides.
-    """
+    """Directions in which admissible tractions may change while the areas are fixed."""
 
     def __init__(self, areas: Areas, q: Array) -> None:
         self.inside = areas.stick | areas.slide
@@ -163,24 +156,13 @@ def extend(C: Array, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class SlipLaw:
-    """The bound of each element by its slip.
+    """The bound of each element by its slip."""
 
-    Attributes
-    ----------
-    of_slip : callable
-        Takes the size of the slip over the distance rolled, and returns the bound.
-    h : float
-        The distance rolled in a step.
-    k0 : float
-        The diagonal of K.
-    part : float
-        That of the slip that friction depends on.
-    """
-
+    # Takes the size of the slip over the distance rolled, and returns the bound.
     of_slip: Callable[[Array], Array]
-    h: float
-    k0: float
-    part: float = 1.0
+    h: float  # The distance rolled in a step.
+    k0: float  # The diagonal of K.
+    part: float = 1.0  # That of the slip that friction depends on.
 
     def at(self, s: Array) -> Array:
         """Return the bound of elements that slip by s in a step."""
@@ -217,31 +199,16 @@ class SlipLaw:
 
 @dataclass(frozen=True)
 class Problem:
-    """Find tractions whose slip s = A q - b obeys Coulomb's law.
-
-    Attributes
-    ----------
-    grid : Grid
-    g : ndarray
-        Traction bound.
-    b : ndarray of shape (components, ...)
-        The displacements, were there no slip, by what is given of the motion.
-    tolerance : float
-        The violation that is allowed, over the largest displacement or `least`.
-    least : float
-        A displacement below which none counts as the largest.
-    progress : callable, optional
-    falling : SlipLaw, optional
-        How the bound depends on the slip; then g is that without any.
-    """
+    """Find tractions whose slip s = A q - b obeys Coulomb's law."""
 
     grid: Grid
-    g: Array
+    g: Array  # Traction bound.
+    # (components, ...): the displacements, were there no slip, by what is given of the motion.
     b: Array
-    tolerance: float
-    least: float = 0.0
+    tolerance: float  # The violation that is allowed, over the largest displacement or `least`.
+    least: float = 0.0  # A displacement below which none counts as the largest.
     progress: Progress | None = None
-    falling: SlipLaw | None = None
+    falling: SlipLaw | None = None  # How the bound depends on the slip; then g is that without any.
 
     def coarser(self, coarsest: int | None = None) -> "Problem | None":
         """Return the problem on elements of twice the size, to be solved roughly, or None."""
@@ -314,32 +281,15 @@ class State:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Coulomb's law about some tractions.
-
-    Attributes
-    ----------
-    T : Tangent
-    minus_slip : ndarray
-        b - A q.
-    stiffness : ndarray
-        λ = |s|/g where it slides against the traction.
-    r : ndarray
-        What Newton's step is to remove.
-    scale : float
-        The largest displacement, were there no slip.
-    residual : float
-        The largest violation, relative to that.
-    bound, slope : ndarray, optional
-        Of friction that depends on the slip, the size of the traction and γ where it slides.
-    k0 : float
-    """
+    """Coulomb's law about some tractions."""
 
     T: Tangent
-    minus_slip: Array
-    stiffness: Array
-    r: Array
-    scale: float
-    residual: float
+    minus_slip: Array  # b - A q.
+    stiffness: Array  # λ = |s|/g where it slides against the traction.
+    r: Array  # What Newton's step is to remove.
+    scale: float  # The largest displacement, were there no slip.
+    residual: float  # The largest violation, relative to that.
+    # Of friction that depends on the slip, the size of the traction and γ where it slides.
     bound: Array | None = None
     slope: Array | None = None
     k0: float = 0.0

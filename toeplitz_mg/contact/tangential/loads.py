@@ -44,16 +44,9 @@ def inner_products(fields: Array, v: Array, vectors: Vectors) -> Array:
 
 
 class Complement:
-    """The fields that are orthogonal to some others.
+    """The fields that are orthogonal to some others, of shape (m, components, ...).
 
-    Parameters
-    ----------
-    fields : ndarray of shape (m, components, ...)
-    vectors : Vectors
-        The inner products of fields.
-    weights : ndarray, optional
-        How much a change in each element costs less than elsewhere: what is added to a field is in
-        proportion to it. By default it costs the same in all.
+    With weights what is added to a field is in proportion to them, as if a change cost less there.
     """
 
     def __init__(self, fields: Array, vectors: Vectors, weights: Array | None = None) -> None:
@@ -107,33 +100,20 @@ def _invert(gram: Array) -> Array:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads that are given in the place of creepages.
+    """Loads that are given in the place of creepages."""
 
-    Attributes
-    ----------
-    units : ndarray of shape (m, components, ...)
-        The displacements in a step, were there no slip, by a unit of each unknown creepage: minus
-        the rigid slip.
-    arms : ndarray of shape (m, components, ...)
-        Fields whose inner products with the tractions are the loads.
-    wanted : ndarray of shape (m,)
-        The loads.
-    """
-
+    # (m, components, ...): the displacements in a step, were there no slip, by a unit of each
+    # unknown creepage: minus the rigid slip.
     units: Array
+    # (m, components, ...): fields whose inner products with the tractions are the loads.
     arms: Array
-    wanted: Array
+    wanted: Array  # The loads.
 
     @classmethod
     def of_sums(cls, total: Array | None, like: Array) -> "Loads":
         """Return loads that are sums of the tractions, which a uniform shift of each belongs to.
 
-        Parameters
-        ----------
-        total : ndarray of shape (components,) or None
-            The sums; NaN in a component in which none is given.
-        like : ndarray of shape (components, ...)
-            A field.
+        The total is NaN in a component in which none is given, or None; `like` is a field.
         """
         total = np.full(len(like), np.nan) if total is None else total
         given = np.flatnonzero(total == total)
@@ -311,28 +291,14 @@ class Loads:
 
 @dataclass(frozen=True)
 class Look:
-    """What is wrong with tractions whose creepages are unknown, as far as loads are given.
+    """What is wrong with tractions whose creepages are unknown, as far as loads are given."""
 
-    Attributes
-    ----------
-    law : Linearisation
-        Coulomb's law, with the creepages that suit the tractions best.
-    creepages : ndarray of shape (m,)
-        Those of them that are unknown.
-    b : ndarray
-        The displacements in a step, were there no slip, with these creepages.
-    of_slip : Complement
-        Of the slip by unknown creepages, in the directions in which the tractions may change.
-    missing : ndarray of shape (m,)
-        What is missing of the loads.
-    residual : float
-    """
-
-    law: Linearisation
-    creepages: Array
-    b: Array
+    law: Linearisation  # Coulomb's law, with the creepages that suit the tractions best.
+    creepages: Array  # Those of them that are unknown.
+    b: Array  # The displacements in a step, were there no slip, with these creepages.
+    # Of the slip by unknown creepages, in the directions in which the tractions may change.
     of_slip: Complement
-    missing: Array
+    missing: Array  # What is missing of the loads.
     residual: float
 
 

@@ -39,26 +39,17 @@ class BeyondBound(ValueError):
 
 @dataclass(frozen=True)
 class Motion:
-    """Creepages, loads and the pole, as they are given.
+    """Creepages, loads and the pole, as they are given."""
 
-    Attributes
-    ----------
-    creepages : tuple of (float or None)
-        Longitudinal, lateral, spin; None where the load is given.
-    loads : tuple of (float or None)
-        The forces along x and y, and the moment; None where the creepage is given.
-    pole : (float, float)
-        The point about which the bodies spin, from the middle of the grid, mm.
-    slip : ndarray of shape (components, ...) or None
-        More rigid slip over the distance rolled.
-    directions : str
-        Of the tractions: "x" in line contact where nothing is lateral, else "xy".
-    """
-
+    # Longitudinal, lateral, spin; None where the load is given.
     creepages: tuple[float | None, ...]
+    # The forces along x and y, and the moment; None where the creepage is given.
     loads: tuple[float | None, ...]
+    # The point about which the bodies spin, from the middle of the grid, mm.
     pole: tuple[float, float] = (0.0, 0.0)
+    # (components, ...): more rigid slip over the distance rolled.
     slip: Array | None = dataclass_field(default=None, compare=False)
+    # Of the tractions: "x" in line contact where nothing is lateral, else "xy".
     directions: str = "xy"
 
     @classmethod

@@ -28,16 +28,10 @@ def find_directly(
     guess: tuple[Array, Areas] | None,
     patience: int,
 ) -> State:
-    """Find the steady state from the matrix as an array, or how far the areas settle.
+    """Find the state from the matrix K as an array, or how far the areas settle.
 
-    Parameters
-    ----------
-    problem, loads, K, patience
-        The arguments of `settling.settle`, on a grid.
-    array : DenseMatrix
-        The matrix K of the elements in contact.
-    guess : (ndarray, Areas), optional
-        Admissible tractions and areas; by default those from the leading edge backwards.
+    The other arguments are those of `settling.settle`, on a grid. Without a guess the search starts
+    from the leading edge backwards.
     """
     C = problem.g > 0.0
     few = loads.restrict(C)
@@ -109,12 +103,13 @@ def solve_on_tangents(
 ) -> Array:
     """Return tangents v for which r - (K + λ) v is orthogonal to all tangents.
 
+    Each direction is a tangent where it sticks, the one across the traction where it slides. Where
+    the system is singular it is no solution: then the areas do not settle.
+
     Parameters
     ----------
-    K : DenseMatrix
-        The matrix of m elements.
-    areas : Areas
-        Each direction is a tangent where it sticks, the one across the traction where it slides.
+    K, areas
+        The matrix of m elements, and where these stick and slide.
     n : ndarray of shape (components, m)
         The directions of the tractions where it slides.
     stiffness : ndarray of shape (m,)
@@ -122,11 +117,6 @@ def solve_on_tangents(
     r : ndarray of shape (k, components, m)
     precisely : bool
         Whether to solve in double precision.
-
-    Returns
-    -------
-    ndarray of shape (k, components, m)
-        It is no solution where the system is singular: then the areas do not settle.
     """
     inverse, k0 = K.inverse(precisely=precisely), K.array[0, 0]
     slid, m = np.flatnonzero(areas.slide), len(stiffness)

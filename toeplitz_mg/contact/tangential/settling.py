@@ -62,23 +62,17 @@ def settle(
 
     Parameters
     ----------
-    problem : Problem
-    loads : Loads
-        The loads that are given in the place of a shift or of creepages.
+    problem, loads
+        The loads are those that are given in the place of a shift or of creepages.
     K : Products
         Products with A, or with A - S.
     guess : (ndarray, Areas)
         Admissible tractions and areas.
-    step : Step
-    patience : int
-        Changes of the areas without a smaller residual, after which it is given up.
+    step, patience
+        What makes a step; changes of the areas without a smaller residual, after which it is given
+        up.
     dtype : float32 or float64
         The precision of products with changes of the tractions.
-
-    Returns
-    -------
-    State
-        Its shift is the unknown creepages, or the shift.
     """
     g, (q, areas) = problem.g, guess
     q = carry(problem, loads, areas, q)

@@ -103,21 +103,8 @@ def solve_shifted(
 ) -> State:
     """Find the tractions and the areas of stick and slip of bodies that are shifted.
 
-    Parameters
-    ----------
-    problem : Problem
-    loads : Loads
-        The loads that are given in the place of a shift.
-    A : Products
-    guess : (ndarray, Areas), optional
-        Admissible tractions to start from, that are not too far off, and their areas.
-    nested : bool
-        Whether to start from the solution on coarser grids, where there is no guess.
-
-    Returns
-    -------
-    State
-        Its shift is that which belongs to the loads.
+    The search starts from a guess, admissible tractions and their areas, or, if `nested`, from the
+    solution on coarser grids. The shift of the state is that which belongs to the loads.
     """
     grid, C = problem.grid, problem.g > 0.0
     if not grid.vectors.count(C):
@@ -173,26 +160,12 @@ def find_steady_state(
     nested: bool,
     options: SteadyOptions,
 ) -> State:
-    """Find the tractions and the areas of stick and slip of the steady state.
+    """Find the tractions and the areas of stick and slip of the steady state of rolling.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its b is minus the rigid slip in a step of one element, by what is given of it.
-    loads : Loads
-        The loads that are given in the place of creepages.
-    guess : (ndarray, Areas), optional
-        Admissible tractions and areas to start from.
-    K : Products
-        Products with A - S.
-    nested : bool
-        Whether to start from the solution on coarser grids, where there is no guess.
-    options : SteadyOptions
-
-    Returns
-    -------
-    State
-        Its shift is the unknown creepages.
+    The problem's b is minus the rigid slip in a step of one element, by what is given of it;
+    products are with K = A - S. The search starts from a guess, admissible tractions and their
+    areas, or, if `nested`, from the solution on coarser grids. The shift of the state is the
+    unknown creepages.
     """
     grid, patience = problem.grid, options.patience
     iterations: tuple[int, ...] = ()

@@ -52,12 +52,7 @@ MOST = 100  # Evaluations of the equations from each of those.
 def roll_backwards(bonded: Array, g: Array) -> tuple[Array, Array]:
     """Return tractions that grow as those without slip, within the bound, and where they slide.
 
-    Parameters
-    ----------
-    bonded : ndarray of shape (components, ...)
-        The tractions without slip.
-    g : ndarray
-        The traction bound.
+    Those without slip are `bonded`, and g is the bound.
     """
     q = bonded[0] if len(bonded) == 1 else bonded[0] + 1j * bonded[1]  # In the plane.
     growth = q.copy()
@@ -80,15 +75,7 @@ def guess_sliding(
 ) -> tuple[Array, Areas] | None:
     """Return tractions and areas to start from; None where some elements stick for certain.
 
-    Parameters
-    ----------
-    problem : Problem
-    loads : Loads
-        Those that are given in the place of creepages.
-    K : Products
-        Products with A - S.
-    only_start : bool
-        Whether there is no other start, as that from a coarser grid where some elements stick.
+    `only_start` says that there is no other start, as that from a coarser grid where some stick.
     """
     vectors, g, inside = problem.vectors, problem.g, problem.g > 0.0
     if vectors.count(np.isinf(g)) or not (loads.carried(g, vectors) > 0.0).all():

@@ -34,15 +34,9 @@ DEPTH = 2  # Differences of pairs that are combined: more of them save nothing, 
 
 @dataclass(frozen=True)
 class Coupling:
-    """The displacements along the surface by pressures, and across it by tractions.
+    """The displacements along the surface by pressures, and across it by tractions."""
 
-    Attributes
-    ----------
-    matrices : tuple of ToeplitzOperator or None
-        Those of the displacements along x, and y, by the pressures.
-    """
-
-    matrices: tuple[Any, ...]
+    matrices: tuple[Any, ...]  # Those of the displacements along x, and y, by the pressures.
 
     @property
     def is_there(self) -> bool:
@@ -74,37 +68,18 @@ def bound_of(mu: Array, p: Array) -> Array:
 
 @dataclass
 class Pressing:
-    """Bodies that are pressed together while tractions change the gap.
-
-    Attributes
-    ----------
-    grid : Grid
-    z : ndarray
-        The gap before the bodies touch; then less the `distance` at which they do.
-    coupling : Coupling
-    approach, force : float or None
-        One of the two; the approach then less `distance` too.
-    tolerance : float
-    max_products : int
-        The limit of products in each solution.
-    report : Report
-        What is told of them.
-    products : int
-        Products so far.
-    iterations : list of int
-        Those of conjugate gradients.
-    """
+    """Bodies that are pressed together while tractions change the gap."""
 
     grid: Grid
-    z: Array
+    z: Array  # The gap before the bodies touch, less the `distance` at which they do.
     coupling: Coupling
-    approach: float | None
-    force: float | None
+    approach: float | None  # Less that distance, too.
+    force: float | None  # Either this or the approach is given.
     tolerance: float
-    max_products: int
+    max_products: int  # In each solution.
     report: Report
-    products: int = 0
-    iterations: list[int] = field(default_factory=list)
+    products: int = 0  # So far.
+    iterations: list[int] = field(default_factory=list)  # Those of conjugate gradients.
     distance: float = 0.0
 
     def __post_init__(self) -> None:
@@ -194,52 +169,25 @@ class Found(NamedTuple):
 
 @dataclass
 class Shifting:
-    """Bodies that are shifted while pressures bound the tractions, and displace along the surface.
-
-    Attributes
-    ----------
-    grid : Grid
-    coupling : Coupling
-    mu : ndarray
-        The coefficient of friction, of all elements or of each.
-    b : ndarray of shape (components, ...)
-        The displacements along the surface, were there neither slip nor pressures.
-    total : ndarray of shape (components,) or None
-        The sum of the tractions, where that is given.
-    least : float
-        A displacement below which none counts as the largest.
-    tolerance : float
-    max_products : int
-    nested : bool
-    report : Report
-    q : ndarray or None
-        The tractions, on the whole grid: the last, or a first guess.
-    slide : ndarray of bool, or None
-        Where the bodies slid last.
-    products : int
-        Products so far.
-    window, matrix : Window and LinearOperator, or None
-        The elements around the last contact, and the matrix among them.
-    found : Found or None
-        What was found last.
-    """
+    """Bodies that are shifted while pressures bound the tractions, and displace them, too."""
 
     grid: Grid
     coupling: Coupling
-    mu: Array
+    mu: Array  # The coefficient of friction, of all elements or of each.
+    # (components, ...): the displacements along the surface, were there neither slip nor pressures.
     b: Array
-    total: Array | None
-    least: float
+    total: Array | None  # (components,): the sum of the tractions, where that is given.
+    least: float  # A displacement below which none counts as the largest.
     tolerance: float
     max_products: int
     nested: bool
     report: Report
-    q: Array | None
-    slide: Array | None = None
-    products: int = 0
-    window: Window | None = None
+    q: Array | None  # The tractions, on the whole grid: the last, or a first guess.
+    slide: Array | None = None  # Where the bodies slid last.
+    products: int = 0  # Products so far.
+    window: Window | None = None  # The elements around the last contact, and the matrix among them.
     matrix: Any = None
-    found: Found | None = None
+    found: Found | None = None  # What was found last.
 
     def __call__(self, p: Array) -> Array:
         """Return the tractions for pressures p."""
@@ -299,34 +247,18 @@ class Shifting:
 
 @dataclass
 class Rolling:
-    """Bodies that roll while pressures bound the tractions, and displace along the surface.
-
-    Attributes
-    ----------
-    grid : Grid
-    coupling, upstream : Coupling
-        Of the displacements here, and one element ahead.
-    mu : ndarray
-        The coefficient of friction, of all elements or of each.
-    solve : callable
-        Returns what `rolling` finds for a traction bound, a rigid slip over the distance rolled
-        that adds to that of the creepages, and a result to start from, or None.
-    slip : ndarray of shape (components, ...)
-        The part of that slip that is given.
-    found : TangentialResult or None
-        What was found last.
-    products : int
-        Products so far.
-    """
+    """Bodies that roll while pressures bound the tractions, and displace along the surface."""
 
     grid: Grid
-    coupling: Coupling
+    coupling: Coupling  # Of the displacements here, and one element ahead.
     upstream: Coupling
-    mu: Array
+    mu: Array  # The coefficient of friction, of all elements or of each.
+    # Returns what `rolling` finds for a traction bound, a rigid slip over the distance rolled that
+    # adds to that of the creepages, and a result to start from, or None.
     solve: Callable[[Array, Array, TangentialResult | None], TangentialResult]
-    slip: Array
-    found: TangentialResult | None = None
-    products: int = 0
+    slip: Array  # (components, ...): the part of that slip that is given.
+    found: TangentialResult | None = None  # What was found last.
+    products: int = 0  # Products so far.
 
     def __call__(self, p: Array) -> Array:
         """Return the tractions for pressures p."""
@@ -363,27 +295,10 @@ def alternate(
     most: int,
     report: Report,
 ) -> tuple[Array, Array, tuple[float, ...]]:
-    """Find the pressures with which both problems hold.
+    """Find the pressures with which both problems hold, in so many iterations at most.
 
-    Parameters
-    ----------
-    pressing : Pressing
-    shear : callable
-        Returns the tangential tractions for pressures.
-    p : ndarray
-        Pressures to start from.
-    tolerance : float
-        The violation of the conditions of normal contact that is allowed.
-    most : int
-        Most iterations.
-    report : Report
-
-    Returns
-    -------
-    p, q : ndarray
-        The pressures, and the tangential tractions for them.
-    residuals : tuple of float
-        The violation in each iteration.
+    `shear` returns the tangential tractions for pressures. Returned are the pressures, these
+    tractions, and the violation of the conditions of normal contact in each iteration.
     """
     pairs: list[tuple[Array, Array]] = []
     residuals: list[float] = []
