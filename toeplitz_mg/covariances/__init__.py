@@ -1,12 +1,27 @@
 """Stationary covariances with their derivatives, on one axis and on grids."""
 
+from toeplitz_mg.covariances.arma import ARFIMA, ARMA
 from toeplitz_mg.covariances.base import Covariance, Custom
-from toeplitz_mg.covariances.kernels import Exponential, Matern, WhiteNoise
+from toeplitz_mg.covariances.kernels import (
+    DampedCosine,
+    Exponential,
+    Matern,
+    Periodic,
+    SquaredExponential,
+    WhiteNoise,
+)
+from toeplitz_mg.covariances.long_memory import FractionalGaussianNoise
 
 __all__ = [
+    "ARFIMA",
+    "ARMA",
     "Covariance",
     "Custom",
+    "DampedCosine",
     "Exponential",
+    "FractionalGaussianNoise",
     "Matern",
+    "Periodic",
+    "SquaredExponential",
     "WhiteNoise",
 ]

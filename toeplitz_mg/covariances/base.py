@@ -3,9 +3,10 @@
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import reduce
-from math import inf
-from operator import mul
+from math import comb, inf
+from operator import add, mul, or_
 from typing import Any, Self
 
 import numpy as np
@@ -16,7 +17,9 @@ from toeplitz_mg.values import count, finite, in_range, numbers, positive
 
 POSITIVE = (0.0, inf)
 BOUNDS = {"nu": (0.0, 100.0), "hurst": (0.0, 1.0), "d": (-1.0, 0.5)}  # All others are positive.
-BY_AXIS = {"length", "period"}  # What may have a value for each axis.
+LAGGED = {"ar", "ma"}  # What has a value for each lag, bounded as with roots outside the circle.
+SEVERAL = dict.fromkeys(("length", "period"), ", or one for each axis")
+SEVERAL |= dict.fromkeys(LAGGED, ", or a sequence of them")
 STEP = 6e-6  # Of central differences, relative to the parameter: eps^(1/3).
 
 
@@ -34,18 +37,15 @@ class Parameter:
     def __post_init__(self) -> None:
         finite(self.name, self.value)
         if not self.low < self.value < self.high:
-            rules = {
-                (0.0, inf): "be positive",
-                (-inf, inf): "be finite",
-            }
+            rules = {POSITIVE: "be positive", (-inf, inf): "be finite"}
             rule = rules.get((self.low, self.high), f"lie between {self.low:g} and {self.high:g}")
             raise ValueError(f"{self.name} is {self.value!r}, but must {rule}")
         if (self.low, self.high) == POSITIVE:
             in_range(self.name, self.value)
 
-    def within(self, i: int) -> "Parameter":
-        """Return it as one of term i of a sum or product."""
-        return replace(self, name=f"{i}.{self.name}", group=f"{i}.{self.group}")
+    def within(self, prefix: str) -> "Parameter":
+        """Return it as one of a term of a sum or product."""
+        return replace(self, name=prefix + self.name, group=prefix + self.group)
 
 
 class Lags:
@@ -86,6 +86,13 @@ class Lags:
         """Yield the lags along each axis, for broadcasting."""
         for k, spacing in zip(self.counts(), self.spacing, strict=True):
             yield k * spacing if spacing != 1.0 else k
+
+    def turns(self, periods: tuple[float, ...]) -> Iterator[Array]:
+        """Yield xᵢ/Tᵢ along each axis less whole turns, right to rounding at any lag."""
+        for k, spacing, T in zip(self.counts(), self.spacing, periods, strict=True):
+            period = T / spacing
+            error = float(Fraction(T) / Fraction(spacing) - Fraction(period))
+            yield np.fmod(k, period) / period - k * (error / period**2)
 
     def steps(self, kind: str) -> int:
         """Return the number of points, for a covariance of a process on one axis."""
@@ -278,10 +285,11 @@ class Covariance:
         return Sum(self, other) if isinstance(other, Covariance) else NotImplemented
 
     def __mul__(self, other: Any) -> "Covariance":
-        return Product(self, other) if isinstance(other, Covariance) else Multiple(other, self)
+        if isinstance(other, Covariance):
+            return Product(self, other)
+        return Product(self, factor=positive("factor", other))
 
-    def __rmul__(self, other: Any) -> "Covariance":
-        return Multiple(other, self)
+    __rmul__ = __mul__
 
 
 class Kernel(Covariance):
@@ -291,11 +299,14 @@ class Kernel(Covariance):
         parameters: list[Parameter] = []
         for group, value in given.items():
             array, bounds = numbers(group, value), BOUNDS.get(group, POSITIVE)
-            if array.ndim > (group in BY_AXIS) or array.size == 0:
-                rule = "a number, or one for each axis" if group in BY_AXIS else "a number"
-                raise ValueError(f"{group} is {value!r}, but must be {rule}")
+            rule = SEVERAL.get(group, "")
+            if array.ndim > bool(rule) or (array.size == 0 and group not in LAGGED):
+                raise ValueError(f"{group} is {value!r}, but must be a number{rule}")
             for i, each in enumerate(array.ravel().tolist()):
                 name = f"{group}[{i}]" if array.ndim else group
+                if group in LAGGED:
+                    name = f"{group}.L{i + 1}"
+                    bounds = -float(comb(array.size, i + 1)), float(comb(array.size, i + 1))
                 parameters.append(Parameter(name, group, each, *bounds))
         self._parameters = tuple(parameters)
 
@@ -318,89 +329,73 @@ class Kernel(Covariance):
 
 
 class Composed(Covariance):
-    """A covariance of terms, whose parameters are theirs."""
+    """A multiple of the sum or the product of terms, whose parameters are theirs."""
 
     _terms: tuple[Covariance, ...]
+    _factor: float
 
-    def __init__(self, *given: Covariance) -> None:
+    def __init__(self, *given: Covariance, factor: float = 1.0) -> None:
         terms: list[Covariance] = []
-        for term in given:  # (a + b) + c is a + b + c.
-            terms += term._terms if type(term) is type(self) else [term]
-        self._terms = tuple(terms)
+        for term in given:
+            if isinstance(term, Composed) and type(term) is type(self):
+                terms += term._terms  # (a + b) + c is a + b + c.
+                factor *= term._factor
+            else:
+                terms.append(term)
+        self._terms, self._factor = tuple(terms), factor
+        self._prefixes = [f"{i}." for i in range(len(terms))] if len(terms) > 1 else [""]
 
     @property
     def _parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        return tuple(p.within(i) for i, term in enumerate(self._terms) for p in term._parameters)
+        each = zip(self._prefixes, self._terms, strict=True)
+        return tuple(p.within(prefix) for prefix, term in each for p in term._parameters)
 
     def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
         given, terms = iter(parameters), []
         for term in self._terms:
-            of_term = tuple(
-                replace(p, value=new.value, is_free=new.is_free)
-                for p, new in zip(term._parameters, given, strict=False)
-            )
-            terms.append(term._replaced(of_term))
-        return type(self)(*terms)
+            of_term = ((p, next(given)) for p in term._parameters)
+            changed = (replace(p, value=new.value, is_free=new.is_free) for p, new in of_term)
+            terms.append(term._replaced(tuple(changed)))
+        return type(self)(*terms, factor=self._factor)
 
-    def _evaluate_terms(
-        self, lags: Lags, wanted: frozenset[str]
-    ) -> Iterator[tuple[Array, Derivatives]]:
-        for i, term in enumerate(self._terms):
-            prefix = f"{i}."
-            of_term = frozenset(n.removeprefix(prefix) for n in wanted if n.startswith(prefix))
-            yield term._evaluate(lags, of_term)
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        values, each = [], []
+        for prefix, term in zip(self._prefixes, self._terms, strict=True):
+            names = (name.removeprefix(prefix) for name in wanted if name.startswith(prefix))
+            value, by = term._evaluate(lags, frozenset(names))
+            values.append(value)
+            each.append({prefix + name: derivative for name, derivative in by.items()})
+        return self._composed(values, each)
+
+    def _composed(self, values: list[Array], each: list[Derivatives]) -> tuple[Array, Derivatives]:
+        """Return the values and derivatives from those of the terms."""
+        raise NotImplementedError
 
 
 class Sum(Composed):
     """The sum of covariances, as of independent processes."""
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        values = np.zeros(lags.shape)
-        by: Derivatives = {}
-        for i, (value, of_term) in enumerate(self._evaluate_terms(lags, wanted)):
-            values += value
-            by |= {f"{i}.{name}": derivative for name, derivative in of_term.items()}
-        return values, by
+    def _composed(self, values: list[Array], each: list[Derivatives]) -> tuple[Array, Derivatives]:
+        return reduce(add, values), reduce(or_, each)
 
     def __repr__(self) -> str:
         return " + ".join(map(repr, self._terms))
 
 
 class Product(Composed):
-    """The product of covariances."""
+    """The product of covariances, and of a number."""
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        terms = list(self._evaluate_terms(lags, wanted))
-        by: Derivatives = {}
-        for i, (_, of_term) in enumerate(terms):
-            others = reduce(mul, (value for j, (value, _) in enumerate(terms) if j != i))
-            by |= {f"{i}.{name}": others * of_term[name] for name in of_term}
-        return reduce(mul, (value for value, _ in terms)), by
-
-    def __repr__(self) -> str:
-        return " * ".join(f"({t!r})" if isinstance(t, Sum) else repr(t) for t in self._terms)
-
-
-class Multiple(Covariance):
-    """A covariance times a positive number, which is no parameter."""
-
-    def __init__(self, factor: Any, term: Covariance) -> None:
-        self._factor, self._term = positive("factor", factor), term
-
-    @property
-    def _parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        return self._term._parameters
-
-    def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
-        return type(self)(self._factor, self._term._replaced(parameters))
-
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        values, by = self._term._evaluate(lags, wanted)
-        return self._factor * values, {name: self._factor * by[name] for name in by}
+    def _composed(self, values: list[Array], each: list[Derivatives]) -> tuple[Array, Derivatives]:
+        product: Derivatives = {}
+        factor = np.array(self._factor)
+        for i, by in enumerate(each):
+            others = reduce(mul, values[:i] + values[i + 1 :], factor)
+            product |= {name: others * derivative for name, derivative in by.items()}
+        return reduce(mul, values, factor), product
 
     def __repr__(self) -> str:
-        term = repr(self._term)
-        return f"{self._factor} * " + (f"({term})" if isinstance(self._term, Sum) else term)
+        terms = [f"({t!r})" if isinstance(t, Sum) else repr(t) for t in self._terms]
+        return " * ".join([repr(self._factor)] * (self._factor != 1.0) + terms)
 
 
 class Custom(Covariance):
@@ -451,6 +446,8 @@ class Custom(Covariance):
         for name, array, shape in (("theta", values, (p,)), ("bounds", limits, (p, 2))):
             if array.shape != shape:
                 raise ValueError(f"{name} has shape {array.shape}, but must have {shape}")
+        if len(set(names)) < p:
+            raise ValueError(f"names are {names!r}, but must differ")
         self._function, self._gradient = function, gradient
         self._parameters = tuple(
             Parameter(name, name, *each)

@@ -9,7 +9,6 @@ from scipy.special import psi
 
 from toeplitz_mg._typing import Array
 
-MANY = 1000  # Beyond so many distances the functions are interpolated in log r.
 WIDTH, NODES = 0.5, 18  # Of the intervals of log r, and nodes in each: errors of rounding.
 SPACING = 0.2  # Of the trapezoidal rule, where the integrand is not narrower.
 GROUP = 8  # Nodes of the trapezoidal rule from one look for what has converged to the next.
@@ -17,8 +16,6 @@ GROUP = 8  # Nodes of the trapezoidal rule from one look for what has converged 
 
 def matern(r: Array, nu: float) -> Array:
     """Return ρ(r), -r ρ'(r) and ∂ρ/∂ν of distances r > 0 in lengths, as three rows."""
-    if r.size <= MANY:
-        return integrate(r, nu)
     return interpolate(lambda at: integrate(at, nu), r)
 
 

@@ -1,6 +1,9 @@
 """Covariances of processes in continuous time or space, and white noise."""
 
-from math import sqrt
+from collections.abc import Iterable
+from functools import reduce
+from math import pi, sqrt
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -119,9 +122,8 @@ class Matern(Radial):
 
     Notes
     -----
-    K_ν and its derivative by ν are integrals, by the trapezoidal rule, of up to some 1000
-    distances; of more by interpolation in the logarithm of the distance. The errors are below
-    1e-12 σ².
+    K_ν and its derivative by ν are integrals by the trapezoidal rule, at points between which
+    polynomials in the logarithm of the distance interpolate. The errors are below 1e-12 σ².
 
     References
     ----------
@@ -147,7 +149,8 @@ class Matern(Radial):
             near = (r > 0.0) & (sqrt(2.0 * nu) * r < FAR)
             rho, slope, by_nu = np.zeros((3, *r.shape))
             rho[r == 0.0] = 1.0
-            rho[near], slope[near], by_nu[near] = matern(r[near], nu)
+            if near.any():
+                rho[near], slope[near], by_nu[near] = matern(r[near], nu)
             by["nu"] = by_nu
         if nu in CLOSED_FORMS:
             x = np.minimum(sqrt(2.0 * nu) * r, FAR)
@@ -161,3 +164,144 @@ CLOSED_FORMS = {
     1.5: lambda x, e: ((1.0 + x) * e, x * x * e),
     2.5: lambda x, e: ((1.0 + x * (1.0 + x / 3.0)) * e, x * x * (1.0 + x) / 3.0 * e),
 }
+
+
+class SquaredExponential(Radial):
+    """The squared exponential, or Gaussian, covariance: σ² exp(-r²/2), r = distance/ℓ.
+
+    Parameters
+    ----------
+    variance : float
+        σ².
+    length : float, or sequence of float
+        ℓ, in the units of `spacing`; on a grid also one for each axis, r being (Σ (xᵢ/ℓᵢ)²)^½.
+
+    See Also
+    --------
+    Matern : processes that are less smooth, with matrices that are better conditioned.
+
+    Notes
+    -----
+    Where ℓ is several spacings its matrix is positive definite in double precision only with some
+    `WhiteNoise` beside it.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.covariances import SquaredExponential
+    >>> SquaredExponential(length=2.0)(3).round(4)
+    array([1.    , 0.8825, 0.6065])
+    """
+
+    def __init__(self, variance: Any = 1.0, length: Any = 1.0) -> None:
+        super().__init__(variance=variance, length=length)
+
+    def _profile(self, r: Array, wanted: frozenset[str]) -> tuple[Array, Array, Derivatives]:
+        squares = np.minimum(r, FAR) ** 2
+        rho = np.exp(-0.5 * squares)
+        return rho, squares * rho, {}
+
+
+class Periodic(Kernel):
+    """A periodic covariance, σ² exp(-2/ℓ² Σ sin²(π xᵢ/Tᵢ)), the sum being over the axes.
+
+    Parameters
+    ----------
+    variance : float
+        σ².
+    length : float
+        ℓ, without a unit: of less than 1 the process has many waves in a period.
+    period : float, or sequence of float
+        T, in the units of `spacing`, on a grid also one for each axis.
+
+    See Also
+    --------
+    DampedCosine : waves that forget their phase.
+
+    Notes
+    -----
+    Whole periods are taken from the lags before they are divided, so that no digits are lost far
+    out. Its matrix is singular where the lags are several periods: add `WhiteNoise`, or multiply by
+    a covariance that decays, ``Periodic(period=12.0) * Exponential(length=100.0).fix("variance")``.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.covariances import Periodic
+    >>> Periodic(period=4.0)(5).round(4)
+    array([1.    , 0.3679, 0.1353, 0.3679, 1.    ])
+    """
+
+    def __init__(self, variance: Any = 1.0, length: Any = 1.0, period: Any = 1.0) -> None:
+        super().__init__(variance=variance, length=length, period=period)
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        (variance,), (length,) = self._values("variance"), self._values("length")
+        periods = lags.by_axis(self._values("period"), "period")
+        turns = list(lags.turns(periods))
+        exponent = sum(2.0 * (np.sin(pi * turn) / length) ** 2 for turn in turns)
+        rho = np.exp(-np.minimum(exponent, FAR))
+        values = variance * rho
+        by = {"variance": rho}
+        if wanted:
+            by["length"] = 2.0 / length * exponent * values
+            slopes = (values / length**2 * np.sin(2.0 * pi * turn) for turn in turns)
+            by |= differentiate_by_periods(self._names("period"), lags, periods, slopes)
+        return values, by
+
+
+class DampedCosine(Exponential):
+    """A damped cosine, σ² exp(-r) Π cos(2π xᵢ/Tᵢ), r = distance/ℓ, the product being over the axes.
+
+    Parameters
+    ----------
+    variance : float
+        σ².
+    length : float, or sequence of float
+        ℓ, in the units of `spacing`; on a grid also one for each axis, r being (Σ (xᵢ/ℓᵢ)²)^½.
+    period : float, or sequence of float
+        T, in the units of `spacing`, on a grid also one for each axis.
+
+    See Also
+    --------
+    Periodic : waves that keep their phase.
+
+    Notes
+    -----
+    It is positive definite for any length and period, on grids as a product of covariances. Whole
+    periods are taken from the lags before they are divided, so that no digits are lost far out.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.covariances import DampedCosine
+    >>> DampedCosine(length=10.0, period=4.0)(3).round(4)
+    array([ 1.    ,  0.    , -0.8187])
+    """
+
+    def __init__(self, variance: Any = 1.0, length: Any = 1.0, period: Any = 1.0) -> None:
+        Kernel.__init__(self, variance=variance, length=length, period=period)
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        periods = lags.by_axis(self._values("period"), "period")
+        angles = [2.0 * pi * turn for turn in lags.turns(periods)]
+        cosines = [np.cos(angle) for angle in angles]
+        damping, by = super()._evaluate(lags, wanted)
+        cosine = reduce(mul, cosines)
+        by = {name: derivative * cosine for name, derivative in by.items()}
+        if wanted:
+            others = (cosines[:i] + cosines[i + 1 :] for i in range(len(cosines)))
+            slopes = (
+                reduce(mul, other, damping) * np.sin(angle)
+                for other, angle in zip(others, angles, strict=True)
+            )
+            by |= differentiate_by_periods(self._names("period"), lags, periods, slopes)
+        return damping * cosine, by
+
+
+def differentiate_by_periods(
+    names: tuple[str, ...], lags: Lags, periods: tuple[float, ...], slopes: Iterable[Array]
+) -> Derivatives:
+    """Return the derivatives by Tᵢ from those by the angles -2π xᵢ/Tᵢ."""
+    by: Derivatives = {}
+    names = names * len(periods) if len(names) == 1 else names  # One period for all axes.
+    for name, x, T, slope in zip(names, lags.distances(), periods, slopes, strict=True):
+        by[name] = by.get(name, 0.0) + slope * (2.0 * pi / T**2 * x)
+    return by

@@ -1,0 +1,264 @@
+"""Autoregressive moving averages, and those of fractionally integrated noise."""
+
+from collections.abc import Sequence
+from decimal import Decimal, localcontext
+from math import log
+from typing import Any, Self
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.covariances.base import Derivatives, Kernel, Lags, Parameter
+from toeplitz_mg.covariances.long_memory import fractional_difference
+
+DIGITS = 60  # Of the first covariances: beside a unit root the equations for them lose many.
+TAIL = 1e-18  # Size of the covariances of ARMA, in variances, from which a convolution ends.
+CLOSEST = 1.0 - 1e-5  # Size of a root from which the convolution would be too long.
+
+
+class Moving(Kernel):
+    """A process with autoregressive and moving average coefficients."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        self._check()
+
+    def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
+        other = super()._replaced(parameters)
+        other._check()
+        return other
+
+    def _check(self) -> None:
+        """Refuse coefficients with a root in the unit circle."""
+        for group, sign, kind in (("ar", -1, "stationary"), ("ma", 1, "invertible")):
+            values = self._values(group)
+            if not has_roots_outside([sign * value for value in values]):
+                letter = "-" if sign < 0 else "+"
+                raise ValueError(
+                    f"{group} is {values}, but must be {kind}: the roots of the polynomial "
+                    f"1 {letter} {group}[0] z {letter} {group}[1] z² {letter} … must lie outside "
+                    "the unit circle"
+                )
+
+
+class ARMA(Moving):
+    """An autoregressive moving average, φ(B) y = θ(B) e with white noise e of variance σ².
+
+    y[k] = φ₁ y[k-1] + … + φ_p y[k-p] + e[k] + θ₁ e[k-1] + … + θ_q e[k-q], as in statsmodels.
+
+    Parameters
+    ----------
+    sigma2 : float
+        σ², of the innovations e.
+    ar : float, or sequence of float
+        φ₁, …, φ_p, of a stationary process; their names are ``"ar.L1"``, ``"ar.L2"``, ….
+    ma : float, or sequence of float
+        θ₁, …, θ_q, of an invertible one; their names are ``"ma.L1"``, ``"ma.L2"``, ….
+
+    See Also
+    --------
+    ARFIMA : with long memory.
+    toeplitz_mg.reflection_coefficients : the partial autocorrelations.
+
+    Notes
+    -----
+    The first p + 1 covariances are the solution of the Yule-Walker equations in 60 digits, the
+    others follow by recursion. Bounds of the coefficients are necessary for stationarity, and not
+    sufficient where there are several: `with_theta` refuses what is not stationary. It is a
+    process on one axis, in steps: `spacing` does not change it.
+
+    References
+    ----------
+    P. J. Brockwell, R. A. Davis, Time Series: Theory and Methods, Springer (1991), section 3.3.
+
+    Examples
+    --------
+    >>> from toeplitz_mg.covariances import ARMA
+    >>> k = ARMA(ar=[0.5], ma=[0.4])
+    >>> k.names
+    ('sigma2', 'ar.L1', 'ma.L1')
+    >>> k(4)
+    array([2.08, 1.44, 0.72, 0.36])
+    """
+
+    def __init__(self, sigma2: Any = 1.0, ar: Any = (), ma: Any = ()) -> None:
+        super().__init__(sigma2=sigma2, ar=ar, ma=ma)
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        (sigma2,) = self._values("sigma2")
+        values, by = arma(lags.steps("ARMA"), self._values("ar"), self._values("ma"), wanted)
+        return sigma2 * values, {name: sigma2 * by[name] for name in by} | {"sigma2": values}
+
+
+class ARFIMA(Moving):
+    """A fractionally integrated moving average, φ(B) (1 - B)ᵈ y = θ(B) e: long memory for d > 0.
+
+    Parameters
+    ----------
+    sigma2 : float
+        σ², of the innovations e.
+    d : float
+        Between -1 and ½; the Hurst exponent is d + ½.
+    ar, ma : float, or sequence of float
+        φ₁, …, φ_p and θ₁, …, θ_q, as of `ARMA`.
+
+    See Also
+    --------
+    ARMA : with d = 0.
+    FractionalGaussianNoise : long memory in another way.
+
+    Notes
+    -----
+    For p = q = 0 the covariances are γ_k = σ² Γ(1 - 2d) Γ(k + d)/(Γ(d) Γ(1 - d) Γ(k + 1 - d)),
+    by products and for larger lags by the asymptotic series of log Γ. Otherwise they are convolved
+    with the covariances of ARMA until these are below 1e-18 of their variance, which takes long
+    where a root of φ is beside the unit circle. It is a process on one axis, in steps: `spacing`
+    does not change it.
+
+    References
+    ----------
+    J. R. M. Hosking, Fractional differencing, Biometrika 68 (1981).
+
+    Examples
+    --------
+    >>> from toeplitz_mg.covariances import ARFIMA
+    >>> ARFIMA(d=0.3)(3).round(4)
+    array([1.3165, 0.5642, 0.4314])
+    >>> ARFIMA(d=0.3, ar=0.5).names
+    ('sigma2', 'd', 'ar.L1')
+    """
+
+    def __init__(self, sigma2: Any = 1.0, d: Any = 0.25, ar: Any = (), ma: Any = ()) -> None:
+        super().__init__(sigma2=sigma2, d=d, ar=ar, ma=ma)
+
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        from scipy.signal import oaconvolve
+
+        n, (sigma2,), (d,) = lags.steps("ARFIMA"), self._values("sigma2"), self._values("d")
+        ar, ma = self._values("ar"), self._values("ma")
+        radius = max(1e-9, *abs(np.roots([1.0, *np.negative(ar)])), 0.0)
+        if radius > CLOSEST:
+            raise ValueError(
+                f"ar is {ar}, but must have no root so close to the unit circle: the convolution "
+                "with the covariances of ARMA would have more than four million terms"
+            )
+        length = len(ma) + 1 + (int(1.2 * log(TAIL) / log(radius)) if ar else 0)
+        short, by_short = arma(length, ar, ma, wanted)
+        long, by_long = fractional_difference(n + length - 1, d)
+
+        def convolve(f: Array, g: Array) -> Array:
+            """Return Σ_j f_|k-j| g_|j|, k = 0, …, n - 1."""
+            if length == 1:
+                return g[0] * f
+            mirrored = np.concatenate((f[length - 1 : 0 : -1], f))
+            return oaconvolve(mirrored, np.concatenate((g[:0:-1], g)), "valid")
+
+        values = convolve(long, short)
+        by = {name: sigma2 * convolve(long, g) for name, g in by_short.items()}
+        if "d" in wanted:
+            by["d"] = sigma2 * convolve(by_long, short)
+        return sigma2 * values, by | {"sigma2": values}
+
+
+def has_roots_outside(coefficients: Sequence[float]) -> bool:
+    """Whether 1 + c₁ z + c₂ z² + … has its roots outside the unit circle, by Schur and Cohn."""
+    with localcontext(prec=DIGITS):
+        c = [Decimal(value) for value in coefficients]
+        while c:
+            *c, last = c
+            if abs(last) >= 1:
+                return False
+            c = [(x - last * y) / (1 - last * last) for x, y in zip(c, c[::-1], strict=True)]
+    return True
+
+
+def arma(
+    n: int, ar: Sequence[float], ma: Sequence[float], wanted: frozenset[str] = frozenset()
+) -> tuple[Array, Derivatives]:
+    """Return n covariances of ARMA with innovations of variance 1, and derivatives.
+
+    With the impulse response ψ = θ/φ they are γ_k = Σ φ_j γ_|k-j| + Σ θ_i ψ_(i-k), i ≥ k: p + 1
+    equations for the first ones, and then a recursion. Derivatives are of the same form.
+    """
+    p, q = len(ar), len(ma)
+    size = max(p, q) + 1
+    many = max(n, size + 1)
+    right: Derivatives = {}  # The sums over i, or what is in their place in the derivatives.
+    with localcontext(prec=DIGITS):
+        phi = [Decimal(1), *(-Decimal(c) for c in ar)]
+        theta = [Decimal(1), *map(Decimal, ma)]
+        inverse, psi = divide([Decimal(1)], phi, q + 1), divide(theta, phi, q + 1)
+        response = divide(list(psi), phi, q + 1)
+        equations = np.full((p + 1, p + 1), Decimal(0))
+        for k, j in np.ndindex(p + 1, p + 1):
+            equations[k, abs(k - j)] += phi[j]
+        solution = invert(equations)
+        right[""] = correlate(theta, psi, size)
+        first = {"": solution @ right[""][: p + 1]}
+        for j in range(1, p + 1):
+            if (name := f"ar.L{j}") in wanted:
+                right[name] = correlate(theta, delay(response, j), size)
+                right[name][: p + 1] += first[""][abs(np.arange(p + 1) - j)]
+        for j in range(1, q + 1):
+            if (name := f"ma.L{j}") in wanted:
+                right[name] = correlate(theta, delay(inverse, j), size)
+                right[name][: j + 1] += psi[j::-1]
+        first |= {name: solution @ right[name][: p + 1] for name in right}
+
+    found: Derivatives = {}
+    for name, beginning in right.items():
+        drive = np.zeros(many)
+        drive[:size] = beginning
+        if name.startswith("ar"):
+            j = int(name.removeprefix("ar.L"))
+            drive[p + 1 :] += found[""][p + 1 - j : many - j]
+        found[name] = recur(first[name].astype(float), drive, ar)
+    return found.pop("")[:n], {name: found[name][:n] for name in found}
+
+
+def recur(first: Array, drive: Array, ar: Sequence[float]) -> Array:
+    """Continue y by y_k = Σ φ_j y_(k-j) + drive_k after its first p + 1 values."""
+    if not ar:
+        return drive
+    from scipy.signal import lfilter, lfiltic
+
+    phi = np.append(1.0, np.negative(ar))
+    state = lfiltic([1.0], phi, first[:0:-1])
+    return np.append(first, lfilter([1.0], phi, drive[len(first) :], zi=state)[0])
+
+
+def divide(x: Sequence[Decimal], phi: Sequence[Decimal], n: int) -> Array:
+    """Return the first n terms of the series x/φ."""
+    y = np.full(n, Decimal(0))
+    y[: len(x)] = x
+    for k in range(n):
+        for j in range(1, min(k, len(phi) - 1) + 1):
+            y[k] -= phi[j] * y[k - j]
+    return y
+
+
+def delay(x: Array, j: int) -> Array:
+    """Return the series x times zʲ, to its length."""
+    return np.append(np.full(j, Decimal(0)), x)[: len(x)]
+
+
+def correlate(theta: Sequence[Decimal], x: Array, n: int) -> Array:
+    """Return Σ_i θ_i x_(i-k), k = 0, …, n - 1."""
+    sums = np.full(n, Decimal(0))
+    for k in range(len(theta)):
+        sums[k] = np.dot(theta[k:], x[: len(theta) - k])
+    return sums
+
+
+def invert(matrix: Array) -> Array:
+    """Return the inverse of a matrix of decimals, by Gauss-Jordan elimination with pivots."""
+    m = len(matrix)
+    rows = np.full((m, 2 * m), Decimal(0))
+    rows[:, :m], rows[range(m), range(m, 2 * m)] = matrix, Decimal(1)
+    for k in range(m):
+        pivot = k + int(np.argmax(abs(rows[k:, k])))
+        rows[[k, pivot]] = rows[[pivot, k]]
+        rows[k] /= rows[k, k]
+        others = np.arange(m) != k
+        rows[others] -= np.outer(rows[others, k], rows[k])
+    return rows[:, m:]
