@@ -58,9 +58,10 @@ def test_density_is_that_of_what_is_observed(name, n, gaps):
 
 
 @each_name
-@pytest.mark.parametrize("gaps", [None, "one", "several", "random", "few"])
-def test_gradients_are_those_of_the_dense_density(name, gaps):
-    n = 150
+@pytest.mark.parametrize(
+    ("n", "gaps"), [*product([150], [None, "one", "several", "random", "few"]), (900, "one")]
+)
+def test_gradients_are_those_of_the_dense_density(name, n, gaps):
     c = covariance(name, n)
     observed = masks(n)[gaps]
     y = np.random.default_rng(0).standard_normal(n)
@@ -75,6 +76,22 @@ def test_gradients_are_those_of_the_dense_density(name, gaps):
     exact[0] /= 2
     assert_allclose(by_c, exact, rtol=0, atol=1e-9 * abs(exact).max())
     assert_allclose(by_y, -alpha, rtol=0, atol=1e-9 * abs(alpha).max())
+
+
+@pytest.mark.parametrize(("nugget", "said"), [(1e-4, False), (1e-8, True)])
+def test_a_gradient_over_a_long_smooth_gap_warns_of_its_error(nugget, said, recwarn):
+    k = np.arange(300)
+    c = np.exp(-0.5 * (k / 10) ** 2) + nugget * (k == 0)
+    observed, y = (k < 100) | (k >= 160), np.sin(k / 30)
+    _, by_c, _ = tmg.ToeplitzNormal(c).logpdf_and_grad(y, observed)
+    # Euler's theorem: of the process s c the derivative by s is that of the quadratic form and n.
+    form = y[observed] @ np.linalg.solve(
+        scipy.linalg.toeplitz(c)[np.ix_(observed, observed)], y[observed]
+    )
+    assert by_c @ c == pytest.approx((form - 240) / 2, rel=1e-6)
+    told = [w for w in recwarn if "derivatives by c may have a relative error" in str(w.message)]
+    assert bool(told) is said
+    assert all(w.filename == __file__ for w in told)
 
 
 @each_name

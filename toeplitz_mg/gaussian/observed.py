@@ -11,11 +11,14 @@ from functools import cached_property
 from typing import ClassVar, Protocol
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import fft
-from scipy.linalg import LinAlgWarning, cho_factor, cho_solve, solve_triangular
+from scipy.linalg import LinAlgWarning, cho_factor, cho_solve
+from scipy.linalg.lapack import dlauum, dtrtri
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.columns.circle import circle_of
 from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
@@ -27,11 +30,12 @@ from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
-PART = 64  # Rows that are multiplied at once.
 RTOL = 1e-11  # Relative residual of an iteration.
 MOST_ITERATIONS = 1000  # Iterations after which the matrix is said to be too ill-conditioned.
 NEAR = 64  # Rows of the inverse that take as long, one from the other, as a product.
 PANEL = 2**16  # Numbers of the rows that are made at once: they stay in the cache.
+LOST = 1 / 30  # Relative error of derivatives over that of the covariance of what is missing.
+INEXACT = 1e-8  # Relative error of derivatives above which there is a warning.
 NOISY = 1e-3  # Rounding of a quadratic form, for each unknown, above which there is a warning.
 
 
@@ -44,6 +48,10 @@ class Observed(Protocol):
     @property
     def log_determinant(self) -> LogDeterminant | None:
         """That of the series without gaps, with its error, where `logdet` rests on it."""
+
+    @property
+    def rounding(self) -> float:
+        """An estimate of the relative error of the covariance of what is missing, if it is used."""
 
     def solve(self, Y: Rows) -> tuple[Rows, Array]:
         """Return α = E A_oo⁻¹ Eᵀ y for each row y, as long as the grid, and yᵀ α."""
@@ -63,6 +71,7 @@ class Whole:
     """A series without gaps."""
 
     A: ToeplitzOperator
+    rounding: ClassVar[float] = 0.0
 
     @cached_property
     def column(self) -> SharpColumn:
@@ -150,26 +159,34 @@ class Gaps:
         """Return log det A + log det B."""
         return self.whole.logdet() + 2.0 * float(np.log(self._factor.diagonal()).sum())
 
-    def by_covariances(self, X: Rows) -> Array:
-        """Return the derivatives by all covariances (see `Observed`)."""
-        return _by_lags(X, self._diagonal_sums())
+    @cached_property
+    def _root(self) -> Array:
+        """L⁻¹, by which B⁻¹ = L⁻ᵀ L⁻¹ is the covariance of what is missing, given the rest."""
+        return np.triu(dtrtri(self._factor, lower=1)[0].T).T
 
-    def _diagonal_sums(self) -> Array:
-        """Return those of A⁻¹ without those of W Wᵀ, W = A⁻¹_:m L⁻ᵀ, B = L Lᵀ."""
-        n, m = self.whole.A.shape[0], len(self.missing)
-        length = fft.next_fast_len(2 * n - 1, real=True)
-        power = np.zeros(length // 2 + 1)
-        for first in range(0, m, PART):
-            # Rows of L⁻¹, extended by zeros: each starts with as many as there are rows above it.
-            unit = np.eye(min(PART, m - first), m, first).T
-            rows = np.zeros((unit.shape[1], n))
-            # Above the diagonal of the factor anything may stand, NaN too.
-            rows[:, self.missing] = solve_triangular(
-                self._factor, unit, lower=True, trans=1, check_finite=False
-            ).T
-            hat = fft.rfft(self.whole.column.solve(rows), length)
-            power += (hat.real**2 + hat.imag**2).sum(axis=0)
-        return self.whole.diagonal_sums() - fft.irfft(power, length)[:n]
+    def variances(self) -> Array:
+        """Return the variances of what is missing, given what is observed."""
+        return np.vecdot(self._root.T, self._root.T)
+
+    @property
+    def rounding(self) -> float:
+        """An estimate of the relative error of B⁻¹, which is large where a long gap is smooth."""
+        polynomial = self.whole.column.polynomial
+        size = polynomial.x[0] * np.abs(polynomial.values).max() ** 2  # At least ‖A⁻¹‖.
+        return 3.0 * EPS * float(size * self.variances().sum())
+
+    def by_covariances(self, X: Rows) -> Array:
+        """Return the derivatives by all covariances (see `Observed`).
+
+        Those of log det B by x = A⁻¹ e₁ are turned into those by c by one more solve, as
+        dx = -A⁻¹ dA x.
+        """
+        x = self.whole.column.x
+        by_x = _by_column(x, self.missing, dlauum(self._root, lower=1)[0].T)
+        circle = circle_of(2 * len(x) - 1, x.dtype)
+        p, q = circle.values(x), circle.values(self.whole.column.solve(by_x[np.newaxis])[0])
+        lost = circle.coefficients(p.real * q.real + p.imag * q.imag, len(x))
+        return _by_lags(X, self.whole.diagonal_sums() - lost)
 
 
 @dataclass(frozen=True)
@@ -179,6 +196,7 @@ class Few:
     A: ToeplitzOperator
     index: Array
     log_determinant: ClassVar[None] = None
+    rounding: ClassVar[float] = 0.0
 
     @cached_property
     def _factor(self) -> Array:
@@ -226,6 +244,7 @@ class Many:
     A: ToeplitzOperator
     mask: Mask
     log_determinant: ClassVar[None] = None
+    rounding: ClassVar[float] = 0.0
 
     @cached_property
     def _operators(self) -> tuple[LinearOperator, LinearOperator]:
@@ -345,6 +364,55 @@ def _inverse_block(column: SharpColumn, index: Array) -> Array:
     return B
 
 
+def _by_column(x: Array, index: Array, inverse: Array) -> Array:
+    """Return the derivatives of log det B by x, B = (A⁻¹)_mm at the positions m of `index`.
+
+    The Gohberg-Semencul formula is B = E (Σ_s (Zˢ x) (Zˢ x)ᵀ - (Zˢ y) (Zˢ y)ᵀ) Eᵀ/x₀, where
+    y = [0 x_(n-1) … x₁], Z shifts down and E takes the positions m. So the derivative is
+
+        2 (S x - reversed S y)/x₀ - m e₁/x₀,    S = Σ_s (Zᵀ)ˢ Eᵀ B⁻¹ E Zˢ.
+
+    S_(p,p+t) is the sum of the entries of B⁻¹ of the pairs of positions at the distance t, from p
+    on: it is the same for all p from one position to the next, so that they are multiplied at once.
+
+    Parameters
+    ----------
+    x : ndarray of shape (n,)
+    index : ndarray of int, of shape (m,)
+        In ascending order.
+    inverse : ndarray of shape (m, m)
+        B⁻¹, of which what is below the diagonal is not used.
+    """
+    last = int(index[-1])
+    pair = np.stack([x, np.append(0.0, x[:0:-1])])
+    products = np.zeros_like(pair)
+    padded = np.zeros(NEAR + last + 1)
+    sums = padded[NEAR:]  # S_(p,p+t) for t = 0, 1 …
+    ends = [-1, *index.tolist()]
+    for k in reversed(range(len(index))):
+        first, stop = ends[k] + 1, ends[k + 1] + 1
+        sums[index[k:] - index[k]] += inverse[k, k:]
+        part, below = pair[:, first:stop], pair[:, first : last + 1]
+        here, there = products[:, first:stop], products[:, first : last + 1]
+        length = below.shape[1]
+        if stop - first > NEAR:
+            N = fft.next_fast_len(length, real=True)
+            hat = fft.rfft(sums[: last + 2 - stop], N)
+            here += fft.irfft(hat.conj() * fft.rfft(below, N), N)[:, : stop - first]
+            there += fft.irfft(hat * fft.rfft(part, N), N)[:, :length]
+        else:
+            window = padded[NEAR + 1 - (stop - first) : NEAR + length]
+            rows = sliding_window_view(window, length)[::-1].copy()  # S, above its diagonal.
+            here += below @ rows.T
+            there += part @ rows
+        here -= sums[0] * part  # The diagonal is in both.
+    by_x = products[0]
+    by_x[1:] -= products[1, :0:-1]
+    by_x *= 2.0
+    by_x[0] -= len(index)
+    return by_x / x[0]
+
+
 def warn_of_rounding(norm: float, X: Rows, squares: Array, stacklevel: int) -> None:
     """Warn where yᵀ α may be rounding, of rows α = A⁻¹ y with a matrix of this norm."""
     noise = EPS * norm * np.vecdot(X, X)
@@ -353,6 +421,17 @@ def warn_of_rounding(norm: float, X: Rows, squares: Array, stacklevel: int) -> N
         warnings.warn(
             f"(y - mean)ᵀ A⁻¹ (y - mean) is {squares[worst]:.6g} with an error of up to "
             f"{noise[worst]:.1e}: A is ill-conditioned, for which a larger c[0] would help",
+            LinAlgWarning,
+            stacklevel=stacklevel,
+        )
+
+
+def warn_of_gaps(what: str, error: float, most: float, stacklevel: int) -> None:
+    """Warn where the relative error of what rests on the covariance of the gaps is large."""
+    if error > most:
+        warnings.warn(
+            f"{what} may have a relative error of {error:.1e}: what is missing is so smooth over a "
+            "long gap that its covariance is ill-conditioned, for which a larger c[0] would help",
             LinAlgWarning,
             stacklevel=stacklevel,
         )
