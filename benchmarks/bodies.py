@@ -32,8 +32,8 @@ class Contact:
 
     def time_friction(self):
         """Shift it."""
-        contact.friction(self.bound, ELEMENT, material=STEEL, force=(7.0, 0.0))
+        contact.friction(bound=self.bound, element=ELEMENT, material=STEEL, force=(7.0, 0.0))
 
     def time_rolling(self):
         """Roll it."""
-        contact.rolling(self.bound, ELEMENT, material=STEEL, longitudinal=1e-3)
+        contact.rolling(bound=self.bound, element=ELEMENT, material=STEEL, longitudinal=1e-3)

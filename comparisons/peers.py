@@ -126,7 +126,7 @@ def ours(problem: Problem, tolerance: float) -> Answer:
     if problem.shift:
         bound = MU * pressed.pressure
         start = process_time()
-        result = friction(bound, element, shift=(problem.shift, 0.0), **arguments)
+        result = friction(bound=bound, element=element, shift=(problem.shift, 0.0), **arguments)
     seconds = process_time() - start
     return Answer(result.traction, bound, sum(result.iterations), result.products, seconds)
 

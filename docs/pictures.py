@@ -38,9 +38,8 @@ def draw_three():
     element = (0.8 / n, 0.8 / n)
     gap = contact.surfaces.sphere((n, n), element, radius=50.0)
     pressed = contact.normal_contact(gap, element, material=STEEL, force=100.0)
-    bound = 0.3 * pressed.pressure
-    shifted = contact.friction(bound, element, material=STEEL, force=(15.0, 0.0))
-    rolled = contact.rolling(bound, element, material=STEEL, longitudinal=-8e-4, spin=0.004)
+    shifted = contact.friction(pressed, mu=0.3, force=(15.0, 0.0))
+    rolled = contact.rolling(pressed, mu=0.3, longitudinal=-8e-4, spin=0.004)
     figure, axes = plt.subplots(1, 3, figsize=(14, 4.2), layout="compressed")
     titles = ("pressed", "shifted", "rolled")
     for ax, result, title in zip(axes, (pressed, shifted, rolled), titles, strict=True):

@@ -269,9 +269,9 @@ ON_NUMPY_ALONE = {
     "solve_toeplitz c": lambda x: tmg.solve_toeplitz(x, np.ones(4)),
     "solve_toeplitz b": lambda x: tmg.solve_toeplitz(np.eye(1, 4)[0], x),
     "normal_contact": lambda x: contact.normal_contact(x, force=1.0, periodic=True, **PRESS),
-    "friction": lambda x: contact.friction(x, shift=(1.0, 0.0), **PRESS),
-    "friction shift": lambda x: contact.friction(np.ones((4, 4)), shift=x, **PRESS),
-    "rolling": lambda x: contact.rolling(x, longitudinal=0.1, **PRESS),
+    "friction": lambda x: contact.friction(bound=x, shift=(1.0, 0.0), **PRESS),
+    "friction shift": lambda x: contact.friction(bound=np.ones((4, 4)), shift=x, **PRESS),
+    "rolling": lambda x: contact.rolling(bound=x, longitudinal=0.1, **PRESS),
     "influence x": lambda x: halfspace.influence_zz(x, np.arange(4.0), **KERNEL),
     "influence y": lambda x: halfspace.influence_xx(np.arange(4.0), x, **KERNEL),
 }

@@ -114,7 +114,7 @@ def test_writes_the_fields(is_line, tmp_path, capsys):
     assert_allclose(fields["pressure"], pressed.traction)
     assert_allclose(fields["approach"], pressed.rigid)
     force = 7.5 if is_line else (7.5, 0.0)
-    shifted = friction(0.3 * pressed.traction, element, material=STEEL, force=force)
+    shifted = friction(bound=0.3 * pressed.traction, element=element, material=STEEL, force=force)
     assert_allclose(fields["traction"], shifted.traction)
     assert np.array_equal(fields["stick"], shifted.stick)
     assert_allclose(fields["tangential_force"], force, atol=1e-9)
@@ -141,7 +141,10 @@ def test_rolling_writes_its_fields(tmp_path):
     assert run("rolling", "-n", "30", "--friction", "0.2", "--output", str(path)) == 0
     fields = read(path)
     rolled = rolling(
-        0.2 * fields["pressure"], tuple(fields["element"]), material=STEEL, longitudinal=-0.002
+        bound=0.2 * fields["pressure"],
+        element=tuple(fields["element"]),
+        material=STEEL,
+        longitudinal=-0.002,
     )
     assert_allclose(fields["traction"], rolled.traction)
     assert_allclose(fields["rigid"], [-0.002, 0.0, 0.0])

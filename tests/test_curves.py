@@ -17,7 +17,7 @@ def test_a_curve_is_carters():
     (x,) = surfaces.centres(440, h)
     g = MU * A / 2 * semi_ellipse(x, A)
     part = np.array([0.0, 0.2, 0.6, 1.0, 1.5])  # Creepage over that at which all slides.
-    curve = creep_curve(g, h, material=BODY, longitudinal=-MU * A * part)
+    curve = creep_curve(bound=g, element=h, material=BODY, longitudinal=-MU * A * part)
     carried = g.sum() * h
     assert_allclose(curve.force / carried, 1 - np.maximum(0, 1 - part) ** 2, atol=0.005)
     assert_allclose(curve.stick_share, np.maximum(0, 1 - part), atol=0.01)
@@ -28,12 +28,12 @@ def test_a_curve_is_carters():
 def test_points_of_a_curve_are_those_alone():
     g, alone = circle(24, (0.05, 0.02, 0.1))
     case = {"material": Material.from_shear(1.0, 0.25), "lateral": 0.02, "spin": 0.1}
-    curve = creep_curve(g, alone.element, longitudinal=[0.01, 0.05, 0.2], **case)
+    curve = creep_curve(bound=g, element=alone.element, longitudinal=[0.01, 0.05, 0.2], **case)
     assert_allclose(curve.creepages, [[0.01, 0.02, 0.1], [0.05, 0.02, 0.1], [0.2, 0.02, 0.1]])
     assert_allclose(curve.force[1], alone.force, atol=1e-6 * np.linalg.norm(alone.force))
     assert_allclose(curve.moment[1], alone.moment, atol=1e-6)
     assert curve.products.shape == curve.power.shape == (3,)
-    guessed = creep_curve(g, alone.element, longitudinal=[0.05], guess=alone, **case)
+    guessed = creep_curve(bound=g, element=alone.element, longitudinal=[0.05], guess=alone, **case)
     assert guessed.products[0] < alone.products
     assert_allclose(guessed.force[0], alone.force, rtol=1e-6)
 
@@ -42,15 +42,15 @@ def test_points_on_fine_lines_take_as_many_products_as_alone():
     h = 2 * A / 2000
     g = MU * A / 2 * semi_ellipse(surfaces.centres(2100, h)[0], A)
     creepages = -MU * A * np.array([0.2, 0.4, 0.8])
-    curve = creep_curve(g, h, material=BODY, longitudinal=creepages)
-    alone = [rolling(g, h, material=BODY, longitudinal=c) for c in creepages.tolist()]
+    curve = creep_curve(bound=g, element=h, material=BODY, longitudinal=creepages)
+    alone = [rolling(bound=g, element=h, material=BODY, longitudinal=c) for c in creepages.tolist()]
     assert curve.products.tolist() == [result.products for result in alone]
 
 
 def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
     g, case = MU * A / 2 * semi_ellipse(surfaces.centres(60, 0.03)[0], A), {"material": BODY}
-    curve = creep_curve(g, 0.03, longitudinal=-0.05, lateral=[0.0, 0.02], **case)
-    back = creep_curve(g, 0.03, longitudinal=-0.05, lateral=[0.02, 0.0], **case)
+    curve = creep_curve(bound=g, element=0.03, longitudinal=-0.05, lateral=[0.0, 0.02], **case)
+    back = creep_curve(bound=g, element=0.03, longitudinal=-0.05, lateral=[0.02, 0.0], **case)
     assert_allclose(curve.creepages, [[-0.05, 0.0, 0.0], [-0.05, 0.02, 0.0]])
     assert_allclose(back.force[::-1], curve.force, atol=1e-7 * g.sum() * 0.03)
     assert curve.force[0, 1] == 0.0
@@ -61,23 +61,25 @@ def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
 )
 def test_refuses_what_is_no_curve(creepages):
     with pytest.raises(ValueError, match=r"has shape .*, but they must be numbers, and arrays"):
-        creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, **creepages)
+        creep_curve(bound=np.ones((4, 4)), element=(1.0, 1.0), material=BODY, **creepages)
     with pytest.raises(ValueError, match="are numbers, but one at least must be an array"):
-        creep_curve(np.ones((4, 4)), (1.0, 1.0), material=BODY, longitudinal=0.1)
+        creep_curve(bound=np.ones((4, 4)), element=(1.0, 1.0), material=BODY, longitudinal=0.1)
     with pytest.raises(ValueError, match="a curve has one point at least"):
-        creep_curve(np.ones(8), 0.1, material=BODY, longitudinal=[])
+        creep_curve(bound=np.ones(8), element=0.1, material=BODY, longitudinal=[])
 
 
 def line_curve():
     h = 2 * A / 40
     (x,) = surfaces.centres(44, h)
     g = MU * A / 2 * semi_ellipse(x, A)
-    return creep_curve(g, h, material=BODY, longitudinal=[-0.02, -0.05, -0.1])
+    return creep_curve(bound=g, element=h, material=BODY, longitudinal=[-0.02, -0.05, -0.1])
 
 
 def surface_curve():
     g, alone = circle(16, (0.05, 0.02, 0.1))
-    return creep_curve(g, alone.element, material=BODY, lateral=[0.01, 0.02], spin=0.1)
+    return creep_curve(
+        bound=g, element=alone.element, material=BODY, lateral=[0.01, 0.02], spin=0.1
+    )
 
 
 @pytest.mark.parametrize(
@@ -117,7 +119,7 @@ def test_a_curve_through_zero_has_no_force_there(bonded):
     g = np.where(g > 0.0, np.inf, 0.0) if bonded else g
     case = {"material": Material.from_shear(1.0, 0.25)}
     ends = [-0.05, 0.0, 0.05]
-    curve = creep_curve(g, alone.element, longitudinal=ends, **case)
+    curve = creep_curve(bound=g, element=alone.element, longitudinal=ends, **case)
     assert_allclose(curve.force[0], -curve.force[2], atol=1e-6 * abs(curve.force[0, 0]))
     assert np.array_equal(curve.force[1], [0.0, 0.0])
     assert curve.power[1] == 0.0
@@ -136,7 +138,7 @@ def test_the_forces_of_strips_of_a_length_are_whole_forces():
 @pytest.mark.parametrize("shape", [(8,), (5, 4)])
 def test_a_curve_without_contact_has_no_force_and_nothing_that_slips(shape):
     case = {"material": Material.from_shear(1.0, 0.25), "longitudinal": [0.01, 0.02]}
-    curve = creep_curve(np.zeros(shape), (0.1, 0.1), **case)
+    curve = creep_curve(bound=np.zeros(shape), element=(0.1, 0.1), **case)
     assert not curve.force.any()
     assert not curve.power.any()
     assert np.array_equal(curve.stick_share, [1.0, 1.0])

@@ -141,8 +141,8 @@ def test_elements_across_the_largest_spot(across):
     arguments = {"element": (0.1, 0.1), "material": Material.from_shear(1.0, 0.3)}
     creepage = {"longitudinal": 0.01}
     for g in (bound, bound.T):
-        assert_doubts(said(lambda g=g: friction(g, shift=(1e-3, 0), **arguments)), *doubts)
-        assert_doubts(said(lambda g=g: rolling(g, **creepage, **arguments)), *doubts)
+        assert_doubts(said(lambda g=g: friction(bound=g, shift=(1e-3, 0), **arguments)), *doubts)
+        assert_doubts(said(lambda g=g: rolling(bound=g, **creepage, **arguments)), *doubts)
 
 
 # What is not ----------------------------------------------------------------------------------
@@ -154,9 +154,9 @@ def test_spheres_are_silent_on_all_their_grids(n):
     normal = said(lambda: pressed(sphere(n, h), (h, h)))
     g = 0.3 * normal.traction
     arguments = {"element": (h, h), "material": STEEL}
-    shifted = said(lambda: friction(g, force=(15.0, 0.0), **arguments))
-    again = said(lambda: friction(g, force=(0.0, 0.0), previous=shifted, **arguments))
-    rolled = said(lambda: rolling(g, longitudinal=1e-3, **arguments))
+    shifted = said(lambda: friction(bound=g, force=(15.0, 0.0), **arguments))
+    again = said(lambda: friction(bound=g, force=(0.0, 0.0), previous=shifted, **arguments))
+    rolled = said(lambda: rolling(bound=g, longitudinal=1e-3, **arguments))
     for result in (normal, shifted, again, rolled):
         assert_doubts(result)
 
@@ -190,9 +190,9 @@ def test_bodies_apart_are_silent_unless_the_gap_is_strange():
 def test_where_a_bound_ends_is_no_matter():
     (x,) = surfaces.centres(20, 0.1)
     arguments = {"element": 0.1, "material": Material.from_shear(1.0, 0.3)}
-    assert_doubts(said(lambda: friction(np.sqrt(1 - x**2), shift=0.01, **arguments)))
-    assert_doubts(said(lambda: friction(np.full(20, np.inf), shift=0.01, **arguments)))
-    assert_doubts(said(lambda: friction(np.zeros(20), shift=0.01, **arguments)))
+    assert_doubts(said(lambda: friction(bound=np.sqrt(1 - x**2), shift=0.01, **arguments)))
+    assert_doubts(said(lambda: friction(bound=np.full(20, np.inf), shift=0.01, **arguments)))
+    assert_doubts(said(lambda: friction(bound=np.zeros(20), shift=0.01, **arguments)))
 
 
 # Unlike materials -----------------------------------------------------------------------------
@@ -205,9 +205,9 @@ def test_friction_of_unlike_materials_leaves_the_coupling_out():
     unlike = halfspace.combined_material(STEEL, RUBBER)
     for material in (unlike, pickle.loads(pickle.dumps(unlike)), copy.deepcopy(unlike)):
         arguments = {"element": (0.1, 0.1), "material": material}
-        shifted = said(lambda a=arguments: friction(g, shift=(1e-3, 0.0), **a))
+        shifted = said(lambda a=arguments: friction(bound=g, shift=(1e-3, 0.0), **a))
         assert_doubts(shifted, f"{UNLIKE} (difference parameter -0.05)")
-        assert_doubts(said(lambda a=arguments: rolling(g, lateral=1e-3, **a)), UNLIKE)
+        assert_doubts(said(lambda a=arguments: rolling(bound=g, lateral=1e-3, **a)), UNLIKE)
     # Without friction there is nothing to couple with.
     assert_doubts(said(lambda: pressed(np.zeros((12, 12)), material=unlike, force=1e-3)))
 
@@ -217,10 +217,9 @@ def test_friction_of_like_materials_is_not_coupled():
     incompressible = Material.from_shear(3.0, 0.5), Material.from_shear(1.0, 0.5)
     alike = STEEL, Material.from_shear(82001.0, 0.28)
     for bodies in ((STEEL, STEEL), incompressible, alike):
-        material = halfspace.combined_material(*bodies)
-        assert_doubts(
-            said(lambda m=material: friction(g, (0.1, 0.1), material=m, shift=(1e-3, 0.0)))
-        )
+        case = {"bound": g, "element": (0.1, 0.1)}
+        case["material"] = halfspace.combined_material(*bodies)
+        assert_doubts(said(lambda c=case: friction(**c, shift=(1e-3, 0.0))))
 
 
 # How it is said -------------------------------------------------------------------------------
@@ -230,7 +229,7 @@ def test_steps_warn_once_and_all_have_it():
     g, material = np.full(5, 0.3), Material.from_shear(1.0, 0.3)
     arguments = {"element": 0.1, "material": material, "longitudinal": 0.1}
     with pytest.warns(ContactWarning) as caught:
-        results = list(rolling_steps(g, steps=3, **arguments))
+        results = list(rolling_steps(bound=g, steps=3, **arguments))
     assert len(caught) == 1
     assert caught[0].filename == __file__
     for result in results:
@@ -264,8 +263,8 @@ def test_the_command_line_says_what_the_results_say(options, tmp_path, capsys):
 CALLS = {
     "normal_contact": "normal_contact(gap, (1.0, 1.0), material=STEEL, force=100.0)",
     "load_curve": "next(load_curve(gap, (1.0, 1.0), material=STEEL, forces=[100.0]))",
-    "friction": "friction(bound, (1.0, 1.0), material=STEEL, shift=(1e-3, 0.0))",
-    "rolling": "rolling(bound, (1.0, 1.0), material=STEEL, lateral=1e-3)",
+    "friction": "friction(bound=bound, element=(1.0, 1.0), material=STEEL, shift=(1e-3, 0.0))",
+    "rolling": "rolling(bound=bound, element=(1.0, 1.0), material=STEEL, lateral=1e-3)",
     "frictional_contact": (
         "frictional_contact(gap, (1.0, 1.0), material=STEEL, mu=0.1, force=100.0)"
     ),

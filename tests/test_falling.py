@@ -89,7 +89,7 @@ def test_an_element_slides_slowly_or_fast_where_friction_falls_steeper_than_it_i
         return np.clip(1.75 - 2.5 * STIFFNESS * s, 0.5, 1.0)
 
     for factor, slip in ((1.0, 0.25), (0.5, 0.75)):
-        result = rolling(factor * g, lateral=1.25 / STIFFNESS, **case)
+        result = rolling(bound=factor * g, lateral=1.25 / STIFFNESS, **case)
         assert_allclose(np.hypot(*result.slip), slip / STIFFNESS, rtol=0.01)
         assert_allclose(falling(np.hypot(*result.slip)), factor)  # Each is an answer.
 
@@ -105,7 +105,7 @@ def test_friction_that_falls_from_a_higher_bound_has_the_same_tractions(n):
     _, g, known = carter(n)
     at_rest = g / falling(np.abs(known.slip))
     case = {"material": Material.from_shear(0.7, 0.3), "longitudinal": known.creepages}
-    result = rolling(at_rest, known.element, falling=falling, **case)
+    result = rolling(bound=at_rest, element=known.element, falling=falling, **case)
     assert_allclose(result.traction, known.traction, atol=1e-6 * g.max())
 
 
@@ -134,7 +134,7 @@ def test_says_how_steep_friction_is_where_it_does_not_settle():
 
     case = {"material": MATERIAL, "lateral": 1.25 / STIFFNESS}
     with pytest.raises(ContactError, match=r"after .* jumps: it rises by up to") as caught:
-        rolling(np.ones((1, 1)), (1.0, 1.0), falling=jumps, **case)
+        rolling(bound=np.ones((1, 1)), element=(1.0, 1.0), falling=jumps, **case)
     assert caught.value.result.residual > 1e-8
 
 
@@ -157,8 +157,9 @@ def test_friction_that_rises_has_one_answer_however_steeply(k):
     ],
 )
 def test_refuses_what_is_no_friction(falling, error, message):
+    soft = Material.from_shear(1, 0.3)
     with pytest.raises(error, match=message):
-        rolling(np.ones((4, 4)), (1.0, 1.0), material=Material.from_shear(1, 0.3), falling=falling)
+        rolling(bound=np.ones((4, 4)), element=(1.0, 1.0), material=soft, falling=falling)
 
 
 def oil(s):
@@ -246,7 +247,7 @@ def test_the_bound_is_that_of_the_slip_in_any_unit(unit):
     case = {"longitudinal": 0.1, "spin": 0.1, "falling": steep(0.4)}
     g, one = circle(24, (0.1, 0.0, 0.1), falling=steep(0.4))
     material = Material.from_shear(unit, 0.25)
-    result = rolling(unit * g, one.element, material=material, **case)
+    result = rolling(bound=unit * g, element=one.element, material=material, **case)
     assert_allclose(result.traction, unit * one.traction, atol=1e-6 * unit * g.max())
     assert_bound(result, unit * g, steep(0.4), material)
 
@@ -256,7 +257,7 @@ def test_friction_falls_beside_what_is_bonded():
     bonded = (g > 0.0) & (np.arange(24)[:, np.newaxis] < 10)
     g[bonded] = np.inf
     case = {"material": MATERIAL, "longitudinal": 0.5}
-    result = rolling(g, (2.0 / 24,) * 2, falling=steep(0.4), **case)
+    result = rolling(bound=g, element=(2.0 / 24,) * 2, falling=steep(0.4), **case)
     slides = result.sliding
     assert slides.any()
     assert not slides[bonded].any()

@@ -33,7 +33,8 @@ def line(n, **arguments):
     """A Hertzian line contact on [-1, 1], R = 1, G/(1-ν) = 1: its bound g, and friction."""
     (x,) = surfaces.centres(n, 2.0 / n)
     g = MU * A / 2 * semi_ellipse(x, A)
-    return x, g, friction(g, 2.0 / n, material=Material.from_shear(0.7, 0.3), **arguments)
+    body = Material.from_shear(0.7, 0.3)
+    return x, g, friction(bound=g, element=2.0 / n, material=body, **arguments)
 
 
 def circle(n, nu, **arguments):
@@ -41,7 +42,7 @@ def circle(n, nu, **arguments):
     x, y = surfaces.centres((n, n), (2.0 / n, 2.0 / n))
     r, material = np.hypot(x, y), Material.from_shear(1.0 - nu, nu)
     g = MU * 2 * A / np.pi * semi_ellipse(r, A)
-    return r, g, friction(g, (2.0 / n, 2.0 / n), material=material, **arguments)
+    return r, g, friction(bound=g, element=(2.0 / n, 2.0 / n), material=material, **arguments)
 
 
 def assert_areas(result):
@@ -151,7 +152,7 @@ def test_products_for_a_rough_surface(nu):
     n, h, force, material = 256, 2.0 / 256, 0.2, Material.from_shear(1.0 - nu, nu)
     gap = surfaces.rough((n, n), (h, h), rms=0.01, longest=0.5, shortest=4 * h, seed=1)
     g = MU * normal_contact(gap, (h, h), material=material, force=force).traction
-    result = friction(g, (h, h), material=material, force=(0.7 * MU * force, 0.0))
+    result = friction(bound=g, element=(h, h), material=material, force=(0.7 * MU * force, 0.0))
     assert_coulomb(result, material)
     assert_within_budget(f"friction on a rough surface, nu = {nu}", products=result.products)
 
@@ -184,9 +185,8 @@ def test_a_normal_result_has_the_bound_the_elements_and_the_material(pressed):
     rng = np.random.default_rng(7)
     force = 0.05 if pressed.contact.ndim == 1 else (0.05, 0.02)
     for mu in (0.4, rng.uniform(0.3, 0.5, pressed.shape)):
-        expected = friction(
-            mu * pressed.pressure, pressed.element, material=pressed.material, force=force
-        )
+        bodies = {"element": pressed.element, "material": pressed.material}
+        expected = friction(bound=mu * pressed.pressure, **bodies, force=force)
         result = friction(pressed, mu=mu, force=force)
         assert np.array_equal(result.traction, expected.traction)
     bonded = friction(pressed, mu=np.inf, force=force)
@@ -264,12 +264,14 @@ def test_bonded_bodies_are_the_papers_problem(name):
     shift = np.zeros(300)
     shift[mask] = problem.b
     bound = np.where(mask, np.inf, 0.0)
-    result = friction(bound, (problem.h, 100.0), material=problem.material, shift=shift)
+    result = friction(
+        bound=bound, element=(problem.h, 100.0), material=problem.material, shift=shift
+    )
     assert_allclose(result.traction[mask], np.linalg.solve(A.toarray(), problem.b), rtol=1e-5)
     assert not result.traction[~mask].any()
     assert np.array_equal(result.stick, mask)
     column = friction(  # It is in three dimensions, one element across.
-        bound[:, None], (problem.h, 100.0), material=problem.material,
+        bound=bound[:, None], element=(problem.h, 100.0), material=problem.material,
         shift=np.stack([shift[:, None], np.zeros((300, 1))]),
     )  # fmt: skip
     assert_allclose(column.traction[0, :, 0], result.traction, rtol=1e-4, atol=1e-6)
@@ -305,14 +307,14 @@ def test_coulombs_law_for_any_load_and_history(seed, shape, nu, mu, load, part, 
     direction = np.array([np.cos(angle), np.sin(angle)])[: len(shape)]
     if is_force:
         force = direction * part * g.sum() * np.prod(element)
-        result = friction(g, force=force, **case)
+        result = friction(bound=g, force=force, **case)
         assert_allclose(result.force, force, rtol=1e-8, atol=1e-8 * np.abs(force).max())
     else:
-        result = friction(g, shift=direction * load * h, **case)
+        result = friction(bound=g, shift=direction * load * h, **case)
     assert_coulomb(result, material)
     g = g * rng.uniform(0.5, 1.5)  # The pressure changes, and comes back.
     shift = -rng.uniform(0, 2) * direction * load * h
-    assert_coulomb(friction(g, shift=shift, previous=result, **case), material, result)
+    assert_coulomb(friction(bound=g, shift=shift, previous=result, **case), material, result)
 
 
 # Histories ----------------------------------------------------------------------------------
@@ -323,20 +325,20 @@ def test_unloading_is_loading_backwards_with_twice_the_bound():
     full = MU * np.pi * A**2 / 4
     _, g, loaded = line(200, force=0.7 * full, tolerance=1e-11)
     case = {"element": 0.01, "material": Material.from_shear(0.7, 0.3), "tolerance": 1e-11}
-    unloaded = friction(g, force=0.1 * full, previous=loaded, **case)
-    reverse = friction(2 * g, force=0.6 * full, **case)
+    unloaded = friction(bound=g, force=0.1 * full, previous=loaded, **case)
+    reverse = friction(bound=2 * g, force=0.6 * full, **case)
     assert_allclose(unloaded.traction, loaded.traction - reverse.traction, atol=1e-7 * g.max())
 
 
 def test_nothing_moves_without_a_load():
     _, g, loaded = circle(24, 0.3, shift=(0.05, 0.02))
     case = {"material": Material.from_shear(0.7, 0.3), "shift": (0.0, 0.0)}
-    again = friction(g, loaded.element, previous=loaded, **case)
+    again = friction(bound=g, element=loaded.element, previous=loaded, **case)
     assert_allclose(again.traction, loaded.traction, atol=1e-6 * g.max())
-    still = friction(g, loaded.element, **case)
+    still = friction(bound=g, element=loaded.element, **case)
     assert not still.traction.any()
     assert still.stick.sum() == (g > 0).sum()
-    frictionless = friction(0.0 * g, loaded.element, **(case | {"shift": (1.0, 0.0)}))
+    frictionless = friction(bound=0.0 * g, element=loaded.element, **(case | {"shift": (1.0, 0.0)}))
     assert not frictionless.traction.any()
     assert not frictionless.contact.any()
 
@@ -349,9 +351,13 @@ def test_a_contact_that_shrinks_keeps_nothing_outside(is_line, most):
     material = BODY
     r = np.sqrt(sum(x**2 for x in surfaces.centres(shape, element)))
     force = 10.0 if is_line else (6.0, 2.0)
-    before = friction(np.where(r < 0.9, most, 0.0), element, material=material, force=force)
+    before = friction(
+        bound=np.where(r < 0.9, most, 0.0), element=element, material=material, force=force
+    )
     smaller = np.where(r < 0.6, 2.0 * most, 0.0)
-    after = friction(smaller, element, material=material, force=force, previous=before)
+    after = friction(
+        bound=smaller, element=element, material=material, force=force, previous=before
+    )
     assert_coulomb(after, material, before)
     assert_allclose(after.force, force, rtol=1e-10)
     assert (most < 7.0) == after.sliding.any()
@@ -364,8 +370,8 @@ def test_bodies_that_shift_back_to_where_they_were_carry_nothing(shape, seed):
     shift = np.random.default_rng(seed).standard_normal(len(shape))
     case = {"element": (0.1,) * len(shape), "material": BODY}
     g = np.full(shape, np.inf)
-    there = friction(g, shift=shift, **case)
-    back = friction(g, shift=-shift, previous=there, **case)
+    there = friction(bound=g, shift=shift, **case)
+    back = friction(bound=g, shift=-shift, previous=there, **case)
     assert_allclose(back.traction, 0.0, atol=1e-6 * np.abs(there.traction).max())
     assert_allclose(back.total_shift, 0.0, atol=1e-15)
     assert back.products < 1.5 * there.products + 5
@@ -379,8 +385,12 @@ def test_a_bound_that_falls_far_below_the_tractions(shape):
     for ratio in (1.5, 10.0, 100.0):
         g = np.maximum(0.0, rng.random(shape) - 0.3)
         force = 0.9 * g.sum() * np.prod(element) * np.eye(len(shape))
-        before = friction(ratio * g, element, material=material, force=0.9 * ratio * force[0])
-        after = friction(g, element, material=material, force=-0.5 * force[-1], previous=before)
+        before = friction(
+            bound=ratio * g, element=element, material=material, force=0.9 * ratio * force[0]
+        )
+        after = friction(
+            bound=g, element=element, material=material, force=-0.5 * force[-1], previous=before
+        )
         assert_coulomb(after, material, before)
         assert_allclose(after.force, -0.5 * force[-1], rtol=1e-10, atol=1e-10)
         case = f"friction, a bound that falls far, {len(shape)} axes"
@@ -394,9 +404,11 @@ def test_almost_all_slides(seed, missing, decades):
     rng = np.random.default_rng(seed)
     g = 10.0 ** rng.uniform(-decades, 0, (13, 11))
     element, material = (0.1, 0.1), Material.from_shear(1.0, 0.49)
-    before = friction(rng.random(g.shape), element, material=material, shift=(0.03, 0.01))
+    before = friction(
+        bound=rng.random(g.shape), element=element, material=material, shift=(0.03, 0.01)
+    )
     force = (1.0 - missing) * 0.01 * g.sum() * np.array([0.6, -0.8])
-    after = friction(g, element, material=material, force=force, previous=before)
+    after = friction(bound=g, element=element, material=material, force=force, previous=before)
     assert_coulomb(after, material, before)
     assert_allclose(after.force, force, rtol=1e-10)
     case = f"friction where almost all slides, {decades} decades"
@@ -408,7 +420,7 @@ def test_tiny_bounds_are_no_contact():
     """Those below 1e-15 of the largest."""
     g = np.random.default_rng(0).uniform(0.1, 1.0, (12, 9))
     g[::3], g[1] = 1e-17, 1e-13
-    result = friction(g, (1.0, 1.0), material=BODY, shift=(0.3, 0.1))
+    result = friction(bound=g, element=(1.0, 1.0), material=BODY, shift=(0.3, 0.1))
     assert_coulomb(result, BODY)
     assert not result.contact[::3].any()
     assert result.contact[1::3].all()
@@ -419,11 +431,15 @@ def test_bounds_that_decay_far_below_rounding():
     material, element = Material(E=210000.0, nu=0.28), (0.05, 0.05)
     corner = np.full((3, 3), 30.0)
     corner[2, 2] = 1e-16
-    assert_coulomb(friction(corner, element, material=material, force=(0.2, 0.1)), material)
+    assert_coulomb(
+        friction(bound=corner, element=element, material=material, force=(0.2, 0.1)), material
+    )
     x, y = surfaces.centres((24, 24), element)
     g = 300.0 * np.exp(-(x**2 + y**2) / 0.1**2)
     force = 0.5 * 0.05**2 * g.sum()
-    assert_coulomb(friction(g, element, material=material, force=(force, 0.2 * force)), material)
+    assert_coulomb(
+        friction(bound=g, element=element, material=material, force=(force, 0.2 * force)), material
+    )
 
 
 @doubtful
@@ -441,7 +457,7 @@ def test_bounds_over_many_decades(decades):
     g = 10.0 ** np.array(decades, float)
     element, material = (0.1, 0.1), BODY
     force = 0.999999 * 0.01 * g.sum() * np.array([0.6, -0.8])
-    result = friction(g, element, material=material, force=force)
+    result = friction(bound=g, element=element, material=material, force=force)
     assert_coulomb(result, material)
     assert (result.magnitude <= g).all()
 
@@ -492,7 +508,7 @@ def test_tractions_are_within_their_bound_however_their_size_is_rounded():
     rng = np.random.default_rng(0)
     g, angle = rng.uniform(0.1, 1.0, (120, 110)), rng.uniform(0.0, 2.0 * np.pi, (120, 110))
     shift = 1e6 * np.stack([np.cos(angle), np.sin(angle)])
-    result = friction(g, (0.1, 0.1), material=BODY, shift=shift)
+    result = friction(bound=g, element=(0.1, 0.1), material=BODY, shift=shift)
     assert_areas(result)
     assert result.sliding.all()
     assert (np.hypot(*result.traction) <= g).all()
@@ -504,27 +520,27 @@ SHIFTED = friction(PRESSED, mu=0.3, shift=0.01)
 
 
 @pytest.mark.parametrize(
-    ("bound", "given", "error", "message"),
+    ("pressed", "given", "error", "message"),
     [
         (PRESSED, {}, TypeError, "mu is not given"),
         (PRESSED, {"mu": 0.3, "element": 0.1}, TypeError, "element is given, but a normal result"),
         (PRESSED, {"mu": 0.3, "material": BODY}, TypeError, "material is given"),
         (PRESSED, {"mu": -0.1}, ValueError, r"mu is -0\.1, but a coefficient of friction"),
         (PRESSED, {"mu": [0.1, 0.2, 0.3]}, ValueError, r"mu has shape \(3,\), but must be a num"),
-        (np.ones(4), {"mu": 0.1}, TypeError, "mu is given, but bound is no normal result"),
-        (np.ones(4), {"element": 1.0}, TypeError, "material is not given"),
-        (SHIFTED, {"mu": 0.3}, TypeError, "bound is a tangential result"),
-        (
-            FrictionalResult(PRESSED, SHIFTED, (0.0,)),
-            {"mu": 0.3},
-            TypeError,
-            "bound is a FrictionalResult, but must be a normal result",
-        ),
+        (None, {"bound": np.ones(4), "mu": 0.1}, TypeError, "mu is given, but bound is μ p itself"),
+        (None, {"bound": np.ones(4), "element": 1.0}, TypeError, "material is not given"),
+        (None, {"bound": PRESSED}, TypeError, "bound is a NormalResult, but must be an array"),
+        (None, {"mu": 0.3}, TypeError, "must be given: neither is"),
+        (PRESSED, {"bound": np.ones(4)}, TypeError, "must be given: both are"),
+        (np.ones(4), {"mu": 0.3}, TypeError, r"is an array of shape \(4,\), but .* as bound="),
+        ("gap.npy", {"mu": 0.3}, TypeError, "first argument is 'gap.npy', but must be a result of"),
+        (SHIFTED, {"mu": 0.3}, TypeError, "first argument is a TangentialResult, but must be"),
+        (FrictionalResult(PRESSED, SHIFTED, (0.0,)), {}, TypeError, "contact, as its `normal`"),
     ],
 )
-def test_a_normal_result_needs_a_coefficient_of_friction_alone(bound, given, error, message):
+def test_a_normal_result_needs_a_coefficient_of_friction_alone(pressed, given, error, message):
     with pytest.raises(error, match=message):
-        friction(bound, force=0.1, **given)
+        friction(pressed, force=0.1, **given)
 
 
 def test_the_work_of_slip_is_that_of_the_force_less_the_energy():
@@ -550,7 +566,9 @@ def test_the_moment_is_about_the_middle_of_the_grid(nu):
     assert_allclose(result.moment, 0.0, atol=1e-10)
     bound = np.zeros((8, 6))
     bound[1, 2] = np.inf
-    one = friction(bound, (0.1, 0.2), material=Material.from_shear(1.0, nu), force=(2.0, 3.0))
+    one = friction(
+        bound=bound, element=(0.1, 0.2), material=Material.from_shear(1.0, nu), force=(2.0, 3.0)
+    )
     x, y = surfaces.centres((8, 6), (0.1, 0.2))
     assert_allclose(one.moment, x[1, 0] * 3.0 - y[0, 2] * 2.0, rtol=1e-9)
     assert one.power == 0.0
@@ -591,7 +609,8 @@ def test_a_lateral_force_on_infinite_strips_slides_by_antiplane_shear():
     (x,) = surfaces.centres(40, 0.05)
     g, nu = np.where(np.abs(x) < 0.8, np.inf, 0.0), 0.3
     case = {"element": 0.05, "material": Material.from_shear(1.0, nu), "reference": 2.0}
-    across, along = friction(g, force=(1.0, 0.0), **case), friction(g, force=(0.0, 1.0), **case)
+    across = friction(bound=g, force=(1.0, 0.0), **case)
+    along = friction(bound=g, force=(0.0, 1.0), **case)
     assert_allclose(along.traction[1], across.traction[0], atol=1e-6)
 
 
@@ -604,7 +623,7 @@ def test_a_body_that_is_stretched_shifts_the_stick_zone():
     force = share * g.sum() * h
     strain = 0.05
     case = {"element": h, "material": material, "force": force}
-    plain, stretched = friction(g, **case), friction(g, shift=strain * x, **case)
+    plain, stretched = friction(bound=g, **case), friction(bound=g, shift=strain * x, **case)
     middle = x[stretched.stick].mean()
     c = 0.5 * np.ptp(x[plain.stick])
     assert_allclose(stretched.force, force, rtol=1e-9)
@@ -621,7 +640,7 @@ def test_where_all_slides_the_shift_across_is_what_the_elements_do(angle, nu):
     x, y = surfaces.centres((32, 40), h)
     g = semi_ellipse(np.hypot(x, 2 * y), 1.2)
     force = n * g.sum() * np.prod(h)
-    result = friction(g, h, material=Material.from_shear(1.0, nu), force=force)
+    result = friction(bound=g, element=h, material=Material.from_shear(1.0, nu), force=force)
     assert result.sliding[result.contact].all()
     u = result.displacement[:, result.contact]
     along, across = n, np.array([-n[1], n[0]])

@@ -95,7 +95,11 @@ def test_like_materials_are_two_problems_exactly(shift):
     # Tractions change no gap, so that the stiffness is that without them.
     assert_allclose(both.normal.stiffness, normal.stiffness, rtol=1e-6)
     along = friction(
-        0.3 * normal.pressure, element, material=SOFT, shift=shift or (0.0, 0.0), tolerance=1e-8
+        bound=0.3 * normal.pressure,
+        element=element,
+        material=SOFT,
+        shift=shift or (0.0, 0.0),
+        tolerance=1e-8,
     )
     assert_array_equal(both.tangential.traction, along.traction)
     assert len(both.residuals) == 1

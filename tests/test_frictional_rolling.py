@@ -100,7 +100,9 @@ def test_like_rollers_are_two_problems_exactly():
     gap, h, both = rollers(material=STEEL, tangential_force=None, longitudinal=1e-4)
     normal = normal_contact(gap, h, material=STEEL, force=16.2019, tolerance=1e-8)
     assert_array_equal(both.normal.pressure, normal.pressure)
-    alone = rolling(0.05 * normal.pressure, h, material=STEEL, longitudinal=1e-4, tolerance=1e-8)
+    alone = rolling(
+        bound=0.05 * normal.pressure, element=h, material=STEEL, longitudinal=1e-4, tolerance=1e-8
+    )
     assert_array_equal(both.tangential.traction, alone.traction)
     _, _, free = rollers(material=STEEL)
     assert_allclose(free.tangential.creepages, 0.0, atol=1e-15)

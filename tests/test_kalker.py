@@ -30,7 +30,7 @@ def test_coefficients_are_those_of_bodies_that_hardly_creep():
     element = 2.0 * a / n, 2.0 * b / n
     x, y = surfaces.centres((n, n), element)
     g = np.sqrt(np.maximum(0.0, 1.0 - (x / a) ** 2 - (y / b) ** 2))
-    result = rolling(g, element, material=Material.from_shear(1.0, 0.3), **creepages)
+    result = rolling(bound=g, element=element, material=Material.from_shear(1.0, 0.3), **creepages)
     C = kalker_coefficients(ratio, 0.3)
     force = [-C.C11 * 2e-4, -C.C22 * 1e-4 + C.C23 * 1e-4]
     assert_allclose(result.force, force, rtol=0.03)

@@ -115,7 +115,9 @@ def test_refuses_what_makes_no_sense_before_any_work(change, error, message):
 def test_previous_must_be_of_the_same_grid():
     gap, element = sphere_gap(32), (2.0 / 32, 2.0 / 32)
     pressed = normal_contact(gap, element, material=UNIT, force=0.1)
-    shifted = friction(0.3 * pressed.pressure, element, material=UNIT, force=(0.01, 0.0))
+    shifted = friction(
+        bound=0.3 * pressed.pressure, element=element, material=UNIT, force=(0.01, 0.0)
+    )
     with pytest.raises(TypeError, match="of type TangentialResult, but must be a NormalResult"):
         normal_contact(gap, element, material=UNIT, force=0.1, previous=shifted)
     with pytest.raises(ValueError, match=r"previous has \(32, 32\) elements of"):

@@ -47,8 +47,8 @@ def test_a_pair_of_equal_bodies_is_the_body():
     one, two = Material(E=3.0, nu=0.4), (Material(E=3.0, nu=0.4), Material(E=3.0, nu=0.4))
     g = np.full((12, 12), 0.1)
     for solve in (
-        lambda m: friction(g, (0.1, 0.1), material=m, shift=(1e-3, 0.0)),
-        lambda m: rolling(g, (0.1, 0.1), material=m, lateral=1e-3),
+        lambda m: friction(bound=g, element=(0.1, 0.1), material=m, shift=(1e-3, 0.0)),
+        lambda m: rolling(bound=g, element=(0.1, 0.1), material=m, lateral=1e-3),
     ):
         assert np.array_equal(solve(one).traction, solve(two).traction)
 
@@ -76,12 +76,13 @@ def test_what_no_body_is_made_of(make, error, match):
 @pytest.mark.parametrize("other", [None, Material(E=210000.0, nu=0.3), (70000.0, 0.33)])
 def test_bare_numbers_are_refused_in_the_place_of_both_bodies_or_of_one(pair, other):
     """Taken for a shear modulus, Young's modulus is silently 2.6 times too stiff."""
-    g = np.full((4, 4), 0.1), (1.0, 1.0)
+    g = np.full((4, 4), 0.1)
+    bound = {"bound": g, "element": (1.0, 1.0)}
     for material in (pair, (pair, other), (other, pair)) if other else (pair,):
         for solve in (
-            lambda m: normal_contact(*g, material=m, force=1.0),
-            lambda m: friction(*g, material=m, shift=(0.1, 0.0)),
-            lambda m: rolling(*g, material=m, lateral=0.1),
+            lambda m: normal_contact(g, (1.0, 1.0), material=m, force=1.0),
+            lambda m: friction(**bound, material=m, shift=(0.1, 0.0)),
+            lambda m: rolling(**bound, material=m, lateral=0.1),
             lambda m: halfspace.influence_matrix("z", (4, 4), (1.0, 1.0), m),
         ):
             with pytest.raises(TypeError, match=r"Material\(E=.*, nu=.*\) .*from_shear\("):

@@ -37,7 +37,7 @@ def line(n, **arguments):
     h = 2 * A / n
     (x,) = surfaces.centres(n + n // 2, h)
     g = MU * A / 2 * semi_ellipse(x, A)
-    return x, g, rolling(g, h, **({"material": BODY} | arguments))
+    return x, g, rolling(bound=g, element=h, **({"material": BODY} | arguments))
 
 
 def moment_of(result):
@@ -126,26 +126,26 @@ def test_in_line_contact_one_component_goes_with_two():
     """A guess, or tractions before, along x alone are of no lateral component, and go on so."""
     _, g, driven = line(20, longitudinal=-0.1)
     case = {"element": driven.element[0], "material": BODY}
-    led = rolling(g, lateral=-0.05, **case)
+    led = rolling(bound=g, lateral=-0.05, **case)
     along_x = np.stack([driven.traction, np.zeros(len(g))])
     atol = 1e-7 * g.max()
-    guessed = rolling(g, longitudinal=-0.1, guess=led, **case)
+    guessed = rolling(bound=g, longitudinal=-0.1, guess=led, **case)
     assert_allclose(guessed.traction, along_x, atol=atol)
     assert_allclose(
-        rolling(g, lateral=-0.05, guess=driven, **case).traction, led.traction, atol=atol
+        rolling(bound=g, lateral=-0.05, guess=driven, **case).traction, led.traction, atol=atol
     )
-    at_rest = friction(g, force=0.3 * driven.force, **case)
+    at_rest = friction(bound=g, force=0.3 * driven.force, **case)
     for before, asked, steady in (
         (at_rest, {"lateral": -0.05}, led.traction),
         (led, {"longitudinal": -0.1}, along_x),
     ):
-        *_, last = rolling_steps(g, steps=100, previous=before, **asked, **case)
+        *_, last = rolling_steps(bound=g, steps=100, previous=before, **asked, **case)
         assert_allclose(last.traction, steady, atol=1e-3 * g.max())
-    halted = friction(g, force=0.0, previous=led, **case)
+    halted = friction(bound=g, force=0.0, previous=led, **case)
     assert_allclose(halted.force, 0.0, atol=1e-12)
     shift, field = np.zeros(2), np.zeros((2, len(g)))
     for given in (0.0, shift, np.zeros(len(g)), field):
-        kept = friction(g, shift=given, previous=led, **case)
+        kept = friction(bound=g, shift=given, previous=led, **case)
         assert_allclose(kept.traction, led.traction, atol=atol)
         assert np.shape(kept.shift) in (shift.shape, field.shape)
 
@@ -153,8 +153,8 @@ def test_in_line_contact_one_component_goes_with_two():
 def test_a_longitudinal_field_of_slip_beside_lateral_creepage_is_longitudinal():
     x, g, _ = line(40, longitudinal=-0.1)
     case = {"element": 2 * A / 40, "material": BODY, "lateral": 0.05}
-    along_x = rolling(g, slip=0.1 * x, **case)
-    both = rolling(g, slip=np.stack([0.1 * x, 0.0 * x]), **case)
+    along_x = rolling(bound=g, slip=0.1 * x, **case)
+    both = rolling(bound=g, slip=np.stack([0.1 * x, 0.0 * x]), **case)
     assert np.array_equal(along_x.traction, both.traction)
 
 
@@ -179,7 +179,7 @@ def test_carter_is_softer_along_the_strips():
 def test_strips_are_a_grid_of_one_column(solve, load):
     (x,) = surfaces.centres(20, 0.1)
     g, case = semi_ellipse(x, 0.9), {"element": (0.1, 3.0), "material": BODY} | load
-    strips, grid = solve(g, **case), solve(g[:, None], **case)
+    strips, grid = solve(bound=g, **case), solve(bound=g[:, None], **case)
     assert_allclose(strips.traction, grid.traction[..., 0], atol=1e-7)
     assert_allclose(strips.force, grid.force, atol=1e-6)
     assert_allclose(strips.rigid[:2], grid.rigid[:2], atol=1e-7)
@@ -190,8 +190,8 @@ def test_a_force_begins_to_creep():
     n, force = 28, 0.5 * MU * np.pi * A**2 / 4
     _, g, steady = line(n, force=force)
     case = {"element": 2 * A / n, "material": BODY, "force": force}
-    at_rest = friction(g, **case)
-    steps = list(rolling_steps(g, steps=2 * n, previous=at_rest, **case))
+    at_rest = friction(bound=g, **case)
+    steps = list(rolling_steps(bound=g, steps=2 * n, previous=at_rest, **case))
     creepages = np.array([step.rigid for step in steps])
     assert_allclose([step.force for step in steps], force, rtol=1e-9)
     assert np.abs(creepages[0] - steady.rigid) > 0.1 * abs(steady.rigid)
@@ -215,7 +215,7 @@ def test_a_force_begins_to_creep():
 )
 def test_refuses_what_makes_no_sense(change, message):
     with pytest.raises(ValueError, match=message):
-        rolling(np.full((5, 5), 0.1), (1.0, 1.0), material=BODY, **change)
+        rolling(bound=np.full((5, 5), 0.1), element=(1.0, 1.0), material=BODY, **change)
 
 
 @pytest.mark.parametrize("given", [(True, True), (True, False), (False, True)])
@@ -228,7 +228,7 @@ def test_steps_by_a_force_are_steps_by_the_creepages_that_belong_to_it(given):
         name: 0.0 if by else value
         for name, value, by in zip(NAMES, creepages, (*given, False), strict=True)
     }
-    mixed = list(rolling_steps(g, steps=2, previous=result, force=wanted, **free, **case))
+    mixed = list(rolling_steps(bound=g, steps=2, previous=result, force=wanted, **free, **case))
     for step, before in zip(mixed, [result, mixed[0]], strict=True):
         for force, found, creepage, asked in zip(
             wanted, step.force, step.rigid[:2], creepages[:2], strict=True
@@ -238,7 +238,7 @@ def test_steps_by_a_force_are_steps_by_the_creepages_that_belong_to_it(given):
             else:
                 assert_allclose(found, force, rtol=1e-9)
         by_creepage = dict(zip(NAMES, step.rigid.tolist(), strict=True))
-        (again,) = rolling_steps(g, steps=1, previous=before, **by_creepage, **case)
+        (again,) = rolling_steps(bound=g, steps=1, previous=before, **by_creepage, **case)
         assert_allclose(again.traction, step.traction, atol=1e-6 * g.max())
 
 
@@ -290,7 +290,7 @@ def test_few_bonded_elements_roll_by_a_force_as_exactly_as_a_dense_solution(shap
     creepages = {"longitudinal": longitudinal, "lateral": lateral}
     close = {"rtol": 0.0, "atol": 1e-10 * np.abs(tractions).max()}
     for given in ({"force": force}, creepages):
-        result = rolling(bound, h, material=BODY, tolerance=1e-5, **given)
+        result = rolling(bound=bound, element=h, material=BODY, tolerance=1e-5, **given)
         assert_allclose(result.traction.ravel()[moves], tractions, **close)
         assert_allclose(result.creepages, (longitudinal, lateral, 0.0), rtol=1e-10)
 
@@ -300,9 +300,9 @@ def test_no_force_is_no_creepage():
     assert_allclose(result.rigid, 0.0, atol=1e-12)
     assert_allclose(result.traction, 0.0, atol=1e-9 * g.max())
     for shape, element, force in (((4, 5), (1.0, 1.0), (0.0, 0.0)), ((8,), 0.1, 0.0)):
-        apart = np.zeros(shape), element
-        assert_allclose(rolling(*apart, material=BODY, force=force).rigid, 0.0)
-        for step in rolling_steps(*apart, material=BODY, steps=2, force=force):
+        apart = {"bound": np.zeros(shape), "element": element, "material": BODY, "force": force}
+        assert_allclose(rolling(**apart).rigid, 0.0)
+        for step in rolling_steps(**apart, steps=2):
             assert not step.traction.any()
 
 
@@ -315,7 +315,7 @@ def test_elements_that_bear_next_to_nothing_do_not_spoil_a_force(angle):
     case = {"element": (2.0 / 24,) * 2, "material": Material.from_shear(1.0, 0.25), "spin": 0.3}
     carried = 0.6 * g.sum() * (2.0 / 24) ** 2
     force = carried * np.cos(np.radians(angle)), carried * np.sin(np.radians(angle))
-    result = rolling(g, force=force, **case)
+    result = rolling(bound=g, force=force, **case)
     case_name = "rolling by force, elements that bear next to nothing"
     assert_within_budget(case_name, products=result.products)
     assert_allclose(result.force, force, atol=1e-8 * carried)
@@ -329,9 +329,9 @@ def test_no_spin_about_the_only_element_gives_a_moment(loads):
     g[4, 4] = 100.0
     for pole in ((0.0, 0.0), (0.0, 1e-17)):  # As the centre of an element may be rounded.
         with pytest.raises(ValueError, match="slips nothing in the contact, so that no spin gives"):
-            rolling(g, (0.02, 0.02), material=BODY, pole=pole, **loads)
+            rolling(bound=g, element=(0.02, 0.02), material=BODY, pole=pole, **loads)
     with pytest.warns(ContactWarning, match="only 1 element across"):
-        result = rolling(g, (0.02, 0.02), material=BODY, pole=(0.02, 0.0), **loads)
+        result = rolling(bound=g, element=(0.02, 0.02), material=BODY, pole=(0.02, 0.0), **loads)
     assert_allclose(result.moment, 1e-4, rtol=1e-6)
 
 
@@ -341,7 +341,7 @@ def test_no_spin_about_the_only_element_undoes_the_moment_of_what_is_lateral(lat
     g = np.zeros((9, 9))
     g[4, 4] = 100.0
     with pytest.raises(ValueError, match=r"moment is 0, but a spin .* slips nothing in the"):
-        rolling(g, (0.02, 0.02), material=BODY, moment=0.0, **lateral)
+        rolling(bound=g, element=(0.02, 0.02), material=BODY, moment=0.0, **lateral)
 
 
 @doubtful
@@ -354,7 +354,9 @@ def test_one_element_carries_a_force_with_the_moment_that_it_has_there(seed):
     force = rng.uniform(-0.6, 0.6, 2) * h**2
     moment = -(pole[0] + h / 2) * force[1] + pole[1] * force[0]
     for given in (force, (force[0], None)):
-        result = rolling(g, (h, h), material=BODY, force=given, moment=moment, pole=tuple(pole))
+        result = rolling(
+            bound=g, element=(h, h), material=BODY, force=given, moment=moment, pole=tuple(pole)
+        )
         assert_allclose(result.force, force, rtol=0.0, atol=1e-6 * h**2)
         assert_allclose(result.moment, moment, rtol=0.0, atol=1e-6 * h**2)
         assert result.stick.sum() == 1
@@ -366,15 +368,15 @@ def test_a_force_that_is_all_that_is_carried_lets_all_slide(shape):
     g = np.linspace(0.1, 0.3, prod(shape)).reshape(shape)
     most = g.sum() if len(shape) == 1 else g.sum() * np.array([0.6, -0.8])
     with pytest.warns(ContactWarning, match="all that friction carries"):
-        rolled = rolling(g, (1.0, 1.0), material=BODY, force=most)
-    shifted = friction(g, (1.0, 1.0), material=BODY, force=most)
+        rolled = rolling(bound=g, element=(1.0, 1.0), material=BODY, force=most)
+    shifted = friction(bound=g, element=(1.0, 1.0), material=BODY, force=most)
     assert_allclose(rolled.traction, shifted.traction, rtol=1e-14)
     assert not rolled.stick.any()
     assert np.isnan(np.ravel(rolled.creepages)[: np.size(most)]).all()
     assert "nan" in rolled.summary()
     for function in (rolling, friction):
         with pytest.raises(ValueError, match="the bodies would slide off"):
-            function(g, (1.0, 1.0), material=BODY, force=1.001 * most)
+            function(bound=g, element=(1.0, 1.0), material=BODY, force=1.001 * most)
 
 
 @pytest.mark.parametrize("shape", [(9,), (5, 4)])
@@ -383,7 +385,9 @@ def test_steps_refuse_all_that_the_bound_carries_before_any_work(shape):
     force = 0.25 * g.size if len(shape) == 1 else (0.25 * g.size, 0.0)  # μP exactly.
     for part in (1.0, 2.0):
         with pytest.raises(ValueError, match="must be less than the traction bound carries"):
-            rolling_steps(g, (1.0, 1.0), material=BODY, steps=1, force=np.multiply(part, force))
+            rolling_steps(
+                bound=g, element=(1.0, 1.0), material=BODY, steps=1, force=np.multiply(part, force)
+            )
 
 
 @pytest.mark.parametrize("part", [0.98, 1.02])
@@ -393,10 +397,10 @@ def test_loads_together_are_refused_beyond_what_slides(part):
     case = {"element": sliding.element, "material": Material.from_shear(1.0, 0.25)}
     loads = {"force": tuple(part * sliding.force), "moment": part * sliding.moment}
     if part < 1.0:
-        assert_rolls(rolling(g, **loads, **case), case["material"])
+        assert_rolls(rolling(bound=g, **loads, **case), case["material"])
     else:
         with pytest.raises(ValueError, match=r"the loads together are 1\.02 times what"):
-            rolling(g, **loads, **case)
+            rolling(bound=g, **loads, **case)
 
 
 @doubtful
@@ -409,12 +413,12 @@ def test_loads_that_drag_each_other_along_are_refused_together(distance):
     g = MU * semi_ellipse(r, 0.16)
     carried = float(g.sum()) * h**2
     with pytest.raises(ValueError, match="the loads together are"):
-        rolling(g, (h, h), material=BODY, force=(0.5 * carried, 0.0), moment=0.0)
+        rolling(bound=g, element=(h, h), material=BODY, force=(0.5 * carried, 0.0), moment=0.0)
     # About the middle of the contact the same loads are carried, and little elsewhere too.
     about = {"force": (0.5 * carried, 0.0), "moment": 0.0, "pole": (0.0, distance)}
     little = {"force": (0.1 * carried, 0.0), "moment": 0.0}
     for loads in (about, little):
-        result = rolling(g, (h, h), material=BODY, **loads)
+        result = rolling(bound=g, element=(h, h), material=BODY, **loads)
         assert_allclose(result.force, loads["force"], atol=1e-7 * carried)
         assert abs(result.moment) <= 1e-7 * carried
 
@@ -427,8 +431,8 @@ def roll_asymmetric(length=1.0, modulus=1.0, side=1.0):
     g = modulus * MU * semi_ellipse(np.hypot(x / 0.5, y / 0.4), 1.0) * (1.0 + 0.3 * x + 0.5 * y)
     carried = float(g.sum()) * (length * h) ** 2
     result = rolling(
-        g,
-        (length * h, length * h),
+        bound=g,
+        element=(length * h, length * h),
         material=Material.from_shear(modulus * BODY.G, BODY.nu),
         force=(0.4 * carried, side * -0.2 * carried),
         moment=side * 0.02 * carried * length,
@@ -472,31 +476,35 @@ def test_a_moment_that_no_spin_gives_is_refused(n):
     most = float((g * np.hypot(x, y)).sum()) * h**2
     for moment in (1.001 * most, -1.001 * most):
         with pytest.raises(ValueError, match="beside the creepages that are given"):
-            rolling(g, (h, h), material=BODY, moment=moment)
+            rolling(bound=g, element=(h, h), material=BODY, moment=moment)
     for moment in (0.99 * most, -0.99 * most):
-        assert_allclose(rolling(g, (h, h), material=BODY, moment=moment).moment, moment, rtol=1e-6)
+        assert_allclose(
+            rolling(bound=g, element=(h, h), material=BODY, moment=moment).moment, moment, rtol=1e-6
+        )
     for lateral in (0.1 * n, -0.1 * n):
         moment = np.sign(lateral) * 1.001 * most
-        found = rolling(g, (h, h), material=BODY, moment=moment, lateral=lateral)
+        found = rolling(bound=g, element=(h, h), material=BODY, moment=moment, lateral=lateral)
         assert_allclose(found.moment, moment, rtol=1e-6)
 
 
 def test_a_moment_beside_much_of_a_lateral_force_is_doubted_and_what_is_reached_is_said():
     h, g = 0.05, MU * semi_ellipse(np.hypot(*surfaces.centres((24, 24), (0.05, 0.05))), 0.5)
     with pytest.warns(ContactWarning, match="half an element times the lateral force"):
-        found = rolling(g, (h, h), material=BODY, lateral=1.0, moment=0.0)
+        found = rolling(bound=g, element=(h, h), material=BODY, lateral=1.0, moment=0.0)
     assert len(found.warnings) == 1
-    assert not rolling(g, (h, h), material=BODY, longitudinal=1.0, moment=0.0).warnings
+    assert not rolling(
+        bound=g, element=(h, h), material=BODY, longitudinal=1.0, moment=0.0
+    ).warnings
     loads = {"force": (0.5 * float(g.sum()) * h**2, 0.0), "moment": 0.01}
     with pytest.raises(ContactError, match=r"of the force .* it has .*; of the moment"):
-        rolling(g, (h, h), material=BODY, max_products=2, **loads)
+        rolling(bound=g, element=(h, h), material=BODY, max_products=2, **loads)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_creepage_beside_which_nothing_is_left_of_displacements_is_refused(name):
     g = np.full((12, 12), 0.3)
     with pytest.raises(ValueError, match=rf"{name} is -1e\+16, but must be at most 1e\+15"):
-        rolling(g, (0.1, 0.1), material=BODY, **{name: -1e16})
+        rolling(bound=g, element=(0.1, 0.1), material=BODY, **{name: -1e16})
 
 
 def test_the_power_of_a_field_is_that_of_the_same_spin_where_the_contact_reaches_the_edge():
@@ -504,8 +512,10 @@ def test_the_power_of_a_field_is_that_of_the_same_spin_where_the_contact_reaches
     n, h, spin = 12, 0.1, 0.3
     g = np.full((n, n), 0.3)
     x, y = surfaces.centres((n, n), (h, h))
-    by_spin = rolling(g, (h, h), material=BODY, spin=spin)
-    by_field = rolling(g, (h, h), material=BODY, slip=spin * np.stack([-y + 0 * x, x + 0 * y]))
+    by_spin = rolling(bound=g, element=(h, h), material=BODY, spin=spin)
+    by_field = rolling(
+        bound=g, element=(h, h), material=BODY, slip=spin * np.stack([-y + 0 * x, x + 0 * y])
+    )
     assert_allclose(by_field.traction, by_spin.traction, atol=1e-6 * g.max())
     assert_allclose(by_field.power, by_spin.power, rtol=1e-6)
 
@@ -525,7 +535,7 @@ def test_bodies_that_need_not_slip_carry_nothing(n, size):
         (spin + uniform, {"moment": 0.0, "force": (0.0, 0.0)}, (-size, 0.0, -size)),
         (spin + uniform, {"spin": -size, "force": (0.0, None)}, (-size, 0.0, -size)),
     ):
-        result = rolling(g, h, material=body, slip=size * field, **loads)
+        result = rolling(bound=g, element=h, material=body, slip=size * field, **loads)
         assert_allclose(result.creepages, undone, atol=1e-12 * size)
         assert np.abs(result.traction).max() <= 1e-9 * size
 
@@ -535,4 +545,4 @@ def test_loads_of_one_element_that_contradict_each_other_are_refused(seed):
     F, g = np.random.default_rng(seed).uniform(-0.006, 0.006, 2), np.zeros((5, 5))
     g[2, 2] = 1.0
     with pytest.raises(ValueError, match="no tractions in the contact have these loads together"):
-        rolling(g, (0.1, 0.1), material=BODY, force=F, moment=1e-5, pole=(0.35, 0.35))
+        rolling(bound=g, element=(0.1, 0.1), material=BODY, force=F, moment=1e-5, pole=(0.35, 0.35))

@@ -42,13 +42,13 @@ def ellipse(n, h):
 def test_loads_near_those_of_sliding_take_a_few_products_more_than_creepages(n, creepages, given):
     h = (2.0 / n, 2.0 / n)
     g, case = ellipse(n, h), {"material": BODY}
-    known = rolling(g, h, **dict(zip(NAMES, creepages, strict=True)), **case)
+    known = rolling(bound=g, element=h, **dict(zip(NAMES, creepages, strict=True)), **case)
     assert known.stick_area < 0.02 * known.area
     loads = {name: getattr(known, name) for name in given}
     left = {"force": NAMES[:2], "moment": NAMES[2:]}
     rest = {name for kind in given for name in left[kind]}
     others = {n: c for n, c in zip(NAMES, creepages, strict=True) if n not in rest}
-    result = rolling(g, h, **loads, **others, **case)
+    result = rolling(bound=g, element=h, **loads, **others, **case)
     assert_rolls(result, BODY)
     carried = float(g.sum()) * h[0] * h[1]
     assert_allclose(result.force, known.force, rtol=0.0, atol=1e-7 * carried)
@@ -65,12 +65,14 @@ def test_a_line_that_nearly_slides_starts_from_a_coarser_one(n, creepage, angle,
     (x,) = surfaces.centres(n, h)
     g = 3e-3 * semi_ellipse(x, 1.0)
     along, across = creepage * np.cos(angle), creepage * np.sin(angle)
-    known = rolling(g, h, longitudinal=along, lateral=across, material=BODY)
+    known = rolling(bound=g, element=h, longitudinal=along, lateral=across, material=BODY)
     assert known.stick_area < 0.35 * known.area
     if given == "both":
-        result = rolling(g, h, force=tuple(known.force), material=BODY)
+        result = rolling(bound=g, element=h, force=tuple(known.force), material=BODY)
     else:
-        result = rolling(g, h, force=(known.force[0], None), lateral=across, material=BODY)
+        result = rolling(
+            bound=g, element=h, force=(known.force[0], None), lateral=across, material=BODY
+        )
     assert_rolls(result, BODY)
     assert_allclose(result.creepages[:2], (along, across), rtol=1e-4)
     assert result.products <= 2.5 * known.products
@@ -82,9 +84,9 @@ def test_an_element_or_two_that_stick_are_found_at_once(n):
     h = 2.5 / n
     (x,) = surfaces.centres(n, h)
     g = 3e-3 * semi_ellipse(x, 1.0)
-    known = rolling(g, h, longitudinal=0.0042, material=BODY)
+    known = rolling(bound=g, element=h, longitudinal=0.0042, material=BODY)
     assert 0.0 < known.stick_area < 2.5 * h
-    result = rolling(g, h, force=known.force, material=BODY)
+    result = rolling(bound=g, element=h, force=known.force, material=BODY)
     assert_rolls(result, BODY)
     assert result.creepages == pytest.approx(known.creepages, rel=1e-6)
     assert result.products <= 2.5 * known.products
@@ -99,8 +101,8 @@ def test_slip_that_turns_around_an_element_that_sticks(n, spin, given):
     """No sliding tractions have the loads, as that element turns by any angle: some nearly do."""
     h = (2.2 / n, 2.2 / n)
     g, case = ellipse(n, h), {"material": BODY}
-    known = rolling(g, h, spin=spin, **case)
-    result = rolling(g, h, **{name: getattr(known, name) for name in given}, **case)
+    known = rolling(bound=g, element=h, spin=spin, **case)
+    result = rolling(bound=g, element=h, **{name: getattr(known, name) for name in given}, **case)
     assert_rolls(result, BODY)
     assert_allclose(result.traction, known.traction, atol=1e-5 * g.max())
     assert result.products <= 4 * known.products
@@ -167,9 +169,9 @@ def test_a_small_moment_of_a_contact_one_element_wide(share):
     x, y = surfaces.centres(shape, element)
     g = 150.0 * np.sqrt(np.maximum(0.0, 1.0 - (x / 0.35) ** 2))
     most = (g * np.hypot(x - 0.02, y)).sum() * 0.04 * 0.02
-    found = rolling(g, element, material=STEEL, moment=share * most)
+    found = rolling(bound=g, element=element, material=STEEL, moment=share * most)
     assert_allclose(found.moment, share * most, rtol=1e-5)
-    again = rolling(g, element, material=STEEL, spin=found.creepages[2])
+    again = rolling(bound=g, element=element, material=STEEL, spin=found.creepages[2])
     assert_allclose(again.moment, share * most, atol=1e-4 * most)
 
 
@@ -181,7 +183,9 @@ def test_a_bracket_stays_one_whatever_the_search_comes_from(seed):
     x = (np.arange(n) - (n - 1) / 2) / (n / 2)
     slip = rng.normal(0, 0.06, n)
     g = 1e-3 * np.sqrt(1 - x**2)
-    found = rolling(g, 1.0, material=Material.from_shear(1.0, 0.0), force=0.0, slip=slip)
+    found = rolling(
+        bound=g, element=1.0, material=Material.from_shear(1.0, 0.0), force=0.0, slip=slip
+    )
     assert abs(found.force) <= 1e-8 * g.sum()
 
 
@@ -193,7 +197,9 @@ def test_a_single_element_sticks_whatever_slip_is_given(angle, share):
     force = 1e-3 * share * np.array([np.cos(angle), np.sin(angle)])
     slip = [[[-1e-2]], [[2e-2]]]
     material = Material.from_shear(1.0, 0.0)
-    found = rolling([[1e-3]], (1.0, 1.0), material=material, slip=slip, force=force.tolist())
+    found = rolling(
+        bound=[[1e-3]], element=(1.0, 1.0), material=material, slip=slip, force=force.tolist()
+    )
     assert found.stick.all()
     assert_within_budget("one element in any slip", products=found.products)
     assert_allclose(found.force, force, atol=1e-12)

@@ -70,7 +70,9 @@ def test_displacements_are_a_sum_of_waves(shape):
 @pytest.mark.parametrize("shape", [(5, 7), (6, 5), (4, 6)])
 def test_displacements_by_friction_are_a_sum_of_waves(shape):
     bound, force = 0.1 * np.random.default_rng(0).random(shape), 0.002 * np.prod(shape)
-    shifted = friction(bound, (0.3, 0.2), material=UNIT, force=(force, 0.3 * force), periodic=True)
+    shifted = friction(
+        bound=bound, element=(0.3, 0.2), material=UNIT, force=(force, 0.3 * force), periodic=True
+    )
     assert shifted.stick.any()
     assert shifted.sliding.any()
     assert_displaced_by(sum_of_waves("xy", shape, (0.3, 0.2)), shifted)
@@ -85,7 +87,7 @@ def test_where_one_axis_repeats_displacements_are_sums_of_images(axis):
     pressed = normal_contact(0.02 * rng.random(shape), element, force=0.02, **options)
     assert 0.2 < pressed.contact_fraction < 0.8
     assert_displaced_by(sum_of_images("z", shape, element, axis, 5.0), pressed, 1e-4)
-    shifted = friction(0.1 * rng.random(shape), element, shift=(0.1, 0.05), **options)
+    shifted = friction(bound=0.1 * rng.random(shape), element=element, shift=(0.1, 0.05), **options)
     assert shifted.stick.any()
     assert shifted.sliding.any()
     assert_displaced_by(sum_of_images("xy", shape, element, axis, 5.0), shifted, 1e-4)
@@ -102,8 +104,8 @@ def test_where_one_axis_repeats_the_mean_is_a_line_contact():
     )
     gap = np.tile([0.0, 0.01, 0.0, 0.02], (6, 1))
     pressed = normal_contact(gap, element, approach=0.5, **options)
-    across = friction(np.full((6, 4), 1.0), element, shift=(0.0, 0.1), **options)
-    along = friction(np.full((6, 4), 1.0), element, shift=(0.1, 0.0), **options)
+    across = friction(bound=np.full((6, 4), 1.0), element=element, shift=(0.0, 0.1), **options)
+    along = friction(bound=np.full((6, 4), 1.0), element=element, shift=(0.1, 0.0), **options)
     for u, traction, column in (
         (pressed.displacement, pressed.pressure, c),
         (across.displacement[1], across.traction[1], c),
@@ -130,8 +132,9 @@ def test_strips_of_finite_length_that_repeat_are_rows_of_one_element():
     row = normal_contact(gap[:, None], (0.3, 0.2), periodic=(True, False), force=0.01, **options)
     assert_allclose(row.pressure[:, 0], strips.pressure, atol=1e-9 * strips.max_pressure)
     assert_allclose(row.approach, strips.approach, rtol=1e-9)
-    strips = friction(bound, (0.3, 0.2), periodic=True, force=0.1, **options)
-    row = friction(bound[:, None], (0.3, 0.2), periodic=(True, False), force=(0.1, 0.0), **options)
+    strips = friction(bound=bound, element=(0.3, 0.2), periodic=True, force=0.1, **options)
+    options |= {"bound": bound[:, None], "element": (0.3, 0.2), "periodic": (True, False)}
+    row = friction(force=(0.1, 0.0), **options)
     assert strips.sliding.any()
     assert strips.stick.any()
     assert_allclose(row.traction[0, :, 0], strips.traction, atol=1e-9)
@@ -319,7 +322,11 @@ def test_friction_takes_the_period_of_a_result():
     rolled = np.roll(around.traction, (-32, -32), (1, 2))
     assert_allclose(rolled, centred.traction, atol=1e-5 * centred.traction.max())
     same = friction(
-        0.3 * pressed.pressure, (0.02, 0.02), material=UNIT, force=(0.001, 0.0), periodic=True
+        bound=0.3 * pressed.pressure,
+        element=(0.02, 0.02),
+        material=UNIT,
+        force=(0.001, 0.0),
+        periodic=True,
     )
     assert_allclose(same.traction, centred.traction, atol=1e-12)
     with pytest.raises(TypeError, match="periodic is given, but a normal result has its own"):
@@ -371,7 +378,7 @@ def test_friction_refuses_a_shift_that_has_no_meaning():
     case = {"element": (1.0, 1.0), "material": UNIT, "periodic": True}
     pressed = normal_contact(np.zeros((8, 8)), force=0.1, **case)
     assert pressed.contact.all()
-    for bodies in ({"bound": np.ones((8, 8)), **case}, {"bound": pressed, "mu": 0.3}):
+    for bodies in ({"bound": np.ones((8, 8)), **case}, {"pressed": pressed, "mu": 0.3}):
         with pytest.raises(ValueError, match="surfaces that repeat and touch everywhere stick"):
             friction(**bodies, shift=(0.1, 0.0))
 
@@ -404,9 +411,11 @@ def test_tractions_of_two_components_on_strips_are_those_of_rows_of_a_surface(n,
     g, force = np.where(np.arange(n) % 40 < 30, 1.0, 0.0), n * np.array([0.1, 0.15])
     shape, element = ((n, 2), 0.5) if is_plane else ((n, 1), (0.5, 3.0))
     periodic, width = (True, is_plane), 1.0 if is_plane else 3.0  # Of the rows of the strips.
-    line = friction(g, element, material=UNIT, force=width * force, periodic=True)
+    line = friction(bound=g, element=element, material=UNIT, force=width * force, periodic=True)
     bound, force = np.broadcast_to(g[:, None], shape), 3.0 * shape[1] * force
-    surface = friction(bound, (0.5, 3.0), material=UNIT, force=force, periodic=periodic)
+    surface = friction(
+        bound=bound, element=(0.5, 3.0), material=UNIT, force=force, periodic=periodic
+    )
     assert line.slip.any()
     assert_allclose(line.traction, surface.traction[:, :, 0], rtol=0, atol=1e-6)
     scale = np.abs(line.displacement).max()

@@ -139,8 +139,8 @@ def test_arrows_point_along_the_field(result, field):
 def test_nothing_is_outlined_nor_has_arrows_in_spots():
     """A line around spots of a few elements would be all that is seen of them."""
     contact = np.random.default_rng(0).random((48, 32)) < 0.1
-    spots = friction(np.where(contact, 1.0, 0.0), PRESSED.element, material=PRESSED.material,
-                     shift=(0.1, 0.0))  # fmt: skip
+    bodies = {"element": PRESSED.element, "material": PRESSED.material, "shift": (0.1, 0.0)}
+    spots = friction(bound=np.where(contact, 1.0, 0.0), **bodies)
     for result in (spots, replace(PRESSED, contact=contact)):
         assert not draw(result).collections
 
@@ -209,7 +209,8 @@ def test_nothing_in_contact_is_drawn_too():
         render(draw(apart, field))
     bound = np.zeros((48, 32))
     bound[20:24, 10:20] = 1.0
-    render(draw(friction(bound, PRESSED.element, material=PRESSED.material, shift=(0.0, 0.0))))
+    bodies = {"element": PRESSED.element, "material": PRESSED.material}
+    render(draw(friction(bound=bound, **bodies, shift=(0.0, 0.0))))
 
 
 def test_contact_with_friction_is_the_pictures_of_both_beside_each_other():

@@ -23,12 +23,13 @@ N, H = 72, (2.0 / 72, 2.0 / 72)
 GAP = surfaces.sphere((N, N), H, radius=1.0)
 X, Y = surfaces.centres((N, N), H)
 BOUND = 0.1 * np.sqrt(np.maximum(0.0, 0.36 - X**2 - Y**2))
+BODIES = {"bound": BOUND, "element": H, "material": SOFT}
 
 SOLVERS = {
     "normal": lambda **options: normal_contact(GAP, H, material=SOFT, force=0.2, **options),
-    "friction": lambda **options: friction(BOUND, H, material=SOFT, shift=(0.02, 0.01), **options),
-    "force": lambda **options: friction(BOUND, H, material=SOFT, force=(0.01, 0.02), **options),
-    "rolling": lambda **options: rolling(BOUND, H, material=SOFT, longitudinal=0.02, **options),
+    "friction": lambda **options: friction(**BODIES, shift=(0.02, 0.01), **options),
+    "force": lambda **options: friction(**BODIES, force=(0.01, 0.02), **options),
+    "rolling": lambda **options: rolling(**BODIES, longitudinal=0.02, **options),
 }
 
 
@@ -63,9 +64,8 @@ def test_without_coarser_grids_none_is_told_of():
 
 def test_each_step_of_rolling_is_told_of():
     seen = []
-    steps = rolling_steps(
-        BOUND, H, material=SOFT, longitudinal=0.02, steps=3, progress=lambda *now: seen.append(now)
-    )
+    told = {"progress": lambda *now: seen.append(now)}
+    steps = rolling_steps(**BODIES, longitudinal=0.02, steps=3, **told)
     for result in steps:
         counts = [products for products, _ in seen]
         assert counts == [*range(counts[0], counts[-1] + 1)]

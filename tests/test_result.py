@@ -48,10 +48,10 @@ def press_unlike(surface, force, previous=None):
 
 
 PRESSED, PRESSED_LINE = press(), press_line()
-SHIFTED = friction(0.3 * PRESSED.pressure, H, material=SOFT, force=(0.01, 0.005))
-ROLLED = rolling(0.3 * PRESSED.pressure, H, material=SOFT, longitudinal=1e-2, spin=0.01)
-SHIFTED_LINE = friction(0.3 * PRESSED_LINE.pressure, 0.03, material=SOFT, shift=0.01)
-ROLLED_LINE = rolling(0.3 * PRESSED_LINE.pressure, 0.03, material=SOFT, longitudinal=1e-2)
+SHIFTED = friction(PRESSED, mu=0.3, force=(0.01, 0.005))
+ROLLED = rolling(PRESSED, mu=0.3, longitudinal=1e-2, spin=0.01)
+SHIFTED_LINE = friction(PRESSED_LINE, mu=0.3, shift=0.01)
+ROLLED_LINE = rolling(PRESSED_LINE, mu=0.3, longitudinal=1e-2)
 ALL = (PRESSED, PRESSED_LINE, SHIFTED, ROLLED, SHIFTED_LINE, ROLLED_LINE)
 BOTH = press_unlike(SPHERE, 0.1, press_unlike(SPHERE, 0.05))
 CURVE = creep_curve(PRESSED, mu=0.3, longitudinal=[-0.01, 0.02], tolerance=1e-4, max_products=100)
@@ -106,7 +106,7 @@ def test_the_energy_is_the_work_of_the_load():
     """The energy of a Hertzian contact is 2/5 F δ, as F grows with δ to the power of 3/2."""
     assert_allclose(PRESSED.energy, 0.4 * PRESSED.force * PRESSED.approach, rtol=5e-3)
     # Were nothing to slide, the energy would be that of a spring.
-    bonded = friction(np.where(PRESSED.contact, np.inf, 0.0), H, material=SOFT, shift=(0.01, 0.0))
+    bonded = friction(PRESSED, mu=np.inf, shift=(0.01, 0.0))
     assert_allclose(bonded.energy, 0.5 * bonded.force[0] * 0.01, rtol=1e-6)
 
 
@@ -123,7 +123,7 @@ def test_contact_at_an_edge_is_told():
     assert press(force=3.0).touches_edge
     bound = np.zeros(40)
     bound[:20] = 1.0
-    assert friction(bound, 0.1, material=SOFT, shift=0.01).touches_edge
+    assert friction(bound=bound, element=0.1, material=SOFT, shift=0.01).touches_edge
 
 
 def test_nothing_in_contact_has_no_mean():
@@ -150,7 +150,7 @@ def test_an_array_of_the_user_stays_his():
     bound = np.full((16, 16), 0.5)
     bound[0] = 0.0
     shift = np.zeros((2, 16, 16))
-    friction(bound, (0.1, 0.1), material=SOFT, shift=shift)
+    friction(bound=bound, element=(0.1, 0.1), material=SOFT, shift=shift)
     bound[3, 3] = shift[0, 3, 3] = 1.0
 
 
@@ -186,9 +186,9 @@ def solve_all(L, F):
         pressed,
         pressed_line,
         friction(pressed, mu=0.3, force=(0.01 * F, 0.005 * F)),
-        rolling(0.3 * pressed.pressure, h, material=soft, **creepages),
+        rolling(bound=0.3 * pressed.pressure, element=h, material=soft, **creepages),
         friction(pressed_line, mu=0.3, shift=0.01 * L),
-        rolling(0.3 * pressed_line.pressure, width, material=soft, longitudinal=1e-2),
+        rolling(bound=0.3 * pressed_line.pressure, element=width, material=soft, longitudinal=1e-2),
         normal_contact(gap, h, material=soft, force=0.1 * F, periodic=True),
     )
 
@@ -275,7 +275,7 @@ def test_a_summary_tells_what_moves():
     assert "creepages         (0.01, 0)\n" in ROLLED.summary()
     assert "shift             0.01 mm" in SHIFTED_LINE.summary()
     for bound in (0.3 * PRESSED.pressure, np.zeros((1, 1))):
-        field = friction(bound, H, material=SOFT, shift=np.zeros((2, *bound.shape)))
+        field = friction(bound=bound, element=H, material=SOFT, shift=np.zeros((2, *bound.shape)))
         assert "shift             a field\n" in field.summary()
 
 
@@ -324,7 +324,7 @@ def test_an_element_is_the_same_but_for_rounding():
     element = (H[0] * (1.0 + 4e-16), H[1])
     assert element != H
     case = {"material": SOFT, "force": (0.01, 0.0)}
-    again = friction(0.3 * PRESSED.pressure, element, previous=SHIFTED, **case)
+    again = friction(bound=0.3 * PRESSED.pressure, element=element, previous=SHIFTED, **case)
     assert_allclose(again.force, (0.01, 0.0), atol=1e-12)
     gap = surfaces.sphere((48, 32), H, radius=1.0)
     assert normal_contact(gap, element, material=SOFT, force=0.1, previous=PRESSED).products

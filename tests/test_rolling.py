@@ -32,7 +32,11 @@ def carter(n, part=0.6, **arguments):
     (x,) = surfaces.centres(n + n // 2, h)
     g = MU * A / 2 * semi_ellipse(x, A)
     result = rolling(
-        g, h, material=Material.from_shear(0.7, 0.3), longitudinal=-MU * (A - part * A), **arguments
+        bound=g,
+        element=h,
+        material=Material.from_shear(0.7, 0.3),
+        longitudinal=-MU * (A - part * A),
+        **arguments,
     )
     return x, g, result
 
@@ -43,7 +47,9 @@ def circle(n, creepages, nu=0.25, bound=None, **arguments):
     r = np.hypot(x, y)
     g = MU * 2 * A / np.pi * semi_ellipse(r, A) if bound is None else np.where(r < A, bound, 0.0)
     creepages = dict(zip(NAMES, creepages, strict=True))
-    return g, rolling(g, (h, h), material=Material.from_shear(1.0, nu), **creepages, **arguments)
+    return g, rolling(
+        bound=g, element=(h, h), material=Material.from_shear(1.0, nu), **creepages, **arguments
+    )
 
 
 @doubtful
@@ -52,16 +58,20 @@ def test_bounds_that_decay_far_below_rounding():
     corner = np.full((3, 3), 30.0)
     corner[2, 2] = 1e-16
     creepages = {"longitudinal": 1e-3, "lateral": 5e-4}
-    assert_rolls(rolling(corner, element, material=material, **creepages), material)
+    assert_rolls(rolling(bound=corner, element=element, material=material, **creepages), material)
     x, y = surfaces.centres((40, 40), element)
     g = 300.0 * np.exp(-(x**2 + y**2) / 0.2**2)
     creepages = {"longitudinal": 1e-3, "spin": 2e-3}
-    rolled = rolling(g, element, material=material, **creepages)
+    rolled = rolling(bound=g, element=element, material=material, **creepages)
     assert_rolls(rolled, material)
     assert not rolled.contact[g < 1e-16 * g.max()].any()
-    by_force = rolling(g, element, material=material, force=(0.5 * 0.05**2 * g.sum(), 0.0))
+    by_force = rolling(
+        bound=g, element=element, material=material, force=(0.5 * 0.05**2 * g.sum(), 0.0)
+    )
     assert_rolls(by_force, material)
-    *_, last = rolling_steps(corner, element, material=material, longitudinal=1e-3, steps=2)
+    *_, last = rolling_steps(
+        bound=corner, element=element, material=material, longitudinal=1e-3, steps=2
+    )
     assert last.contact.sum() == 8
 
 
@@ -154,7 +164,7 @@ def test_a_long_narrow_contact_of_elements_that_are_longer_than_wide_converges()
     x, y = surfaces.centres((240, 24), (1.0, 0.3))
     g = 1e-3 * semi_ellipse(np.hypot(x / 120.0, y / 3.6), 1.0)
     case = {"longitudinal": 2.1e-5, "lateral": 1.25e-5}
-    result = rolling(g, (1.0, 0.3), material=Material.from_shear(1.0, 0.3), **case)
+    result = rolling(bound=g, element=(1.0, 0.3), material=Material.from_shear(1.0, 0.3), **case)
     assert result.residual <= 1e-8
     assert_within_budget("rolling, long and narrow", products=result.products)
 
@@ -162,7 +172,9 @@ def test_a_long_narrow_contact_of_elements_that_are_longer_than_wide_converges()
 def test_products_of_a_line_in_pieces_of_few_elements():
     (x,) = surfaces.centres(2000, 1e-3)
     g = 1e-3 * semi_ellipse(x, 1.0) * (np.random.default_rng(1).random(2000) < 0.7)
-    result = rolling(g, 1e-3, material=Material.from_shear(1.0, 0.3), longitudinal=-2e-4)
+    result = rolling(
+        bound=g, element=1e-3, material=Material.from_shear(1.0, 0.3), longitudinal=-2e-4
+    )
     assert_within_budget("rolling of a line in pieces", products=result.products)
 
 
@@ -181,14 +193,14 @@ def test_the_steady_state_is_the_limit_of_many_steps():
     g, result = circle(16, (0.05, 0.03, 0.1))
     case = {"longitudinal": 0.05, "lateral": 0.03, "spin": 0.1}
     case |= {"element": result.element, "material": Material.from_shear(1.0, 0.25)}
-    steps = list(rolling_steps(g, steps=80, **case))
+    steps = list(rolling_steps(bound=g, steps=80, **case))
     away = [np.abs(step.traction - result.traction).max() for step in steps]
     assert away[-1] < 1e-6 * g.max()
     assert away[0] > 0.1 * g.max()
     assert_allclose(steps[-1].slip, result.slip, atol=1e-6)
     assert_allclose(steps[-1].displacement, result.displacement, atol=1e-6)
     # The steady state stays.
-    (after,) = rolling_steps(g, steps=1, previous=result, **case)
+    (after,) = rolling_steps(bound=g, steps=1, previous=result, **case)
     assert_allclose(after.traction, result.traction, atol=1e-6 * g.max())
 
 
@@ -202,9 +214,9 @@ def test_a_contact_one_element_long(contact, bound):
     g = np.zeros((40, 40) if contact[0].start else (1, 9))
     g[contact] = bound
     case = {"material": Material.from_shear(1.0, 0.3), "longitudinal": 0.02, "lateral": 0.1}
-    result = rolling(g, (1.0, 1.0), **case)
+    result = rolling(bound=g, element=(1.0, 1.0), **case)
     assert_rolls(result, Material.from_shear(1.0, 0.3))
-    *_, last = rolling_steps(g, (1.0, 1.0), steps=100, **case)
+    *_, last = rolling_steps(bound=g, element=(1.0, 1.0), steps=100, **case)
     assert_allclose(last.traction, result.traction, atol=1e-6 * np.abs(result.traction).max())
 
 
@@ -212,7 +224,9 @@ def test_what_is_around_the_contact_is_not_multiplied():
     g, alone = circle(40, (0.05, 0.02, 0.1))
     around = np.pad(g, 30)
     case = {"longitudinal": 0.05, "lateral": 0.02, "spin": 0.1}
-    result = rolling(around, alone.element, material=Material.from_shear(1.0, 0.25), **case)
+    result = rolling(
+        bound=around, element=alone.element, material=Material.from_shear(1.0, 0.25), **case
+    )
     assert np.array_equal(result.traction[:, 30:-30, 30:-30], alone.traction)
     assert (result.products, result.work) == (alone.products, alone.work)
 
@@ -222,7 +236,7 @@ def test_a_step_obeys_coulombs_law_in_time():
     h, material = x[1] - x[0], Material.from_shear(0.7, 0.3)
     A, S = (influence_matrix("x", g.shape, (h,), material, ahead=ahead) for ahead in (0, 1))
     before = np.zeros_like(g)
-    for step in rolling_steps(g, h, material=material, longitudinal=-0.1, steps=3):
+    for step in rolling_steps(bound=g, element=h, material=material, longitudinal=-0.1, steps=3):
         # Equation 8, at the points that move with the material
         slip = -0.1 * h + step.displacement - S @ before
         u = A @ step.traction
@@ -240,11 +254,11 @@ def test_a_step_knows_what_was_outside_the_contact_that_it_leads_to(is_line, par
     shape, h = ((64,), 2.0 / 64) if is_line else ((32, 32), 2.0 / 32)
     r = np.sqrt(sum(x**2 for x in surfaces.centres(shape, (h,) * len(shape))))
     case = {"element": (h, h) if not is_line else h, "material": material, "longitudinal": -0.05}
-    before = rolling(MU * semi_ellipse(r, A), **case)
+    before = rolling(bound=MU * semi_ellipse(r, A), **case)
     for towards in (-1, 1):
         g = MU * semi_ellipse(r, part * A)
         g = np.roll(g, towards * int((1 - part) * A / h), axis=0)
-        (step,) = rolling_steps(g, steps=1, previous=before, **case)
+        (step,) = rolling_steps(bound=g, steps=1, previous=before, **case)
         # Its violation is relative to displacements before, which are larger than the slip.
         assert_rolls(step, material, before.traction, tolerance=1e-6)
 
@@ -252,7 +266,7 @@ def test_a_step_knows_what_was_outside_the_contact_that_it_leads_to(is_line, par
 def test_a_step_that_takes_too_many_products_is_an_error():
     x, g, _ = carter(40)
     case = {"material": Material.from_shear(0.7, 0.3), "longitudinal": -0.1}
-    steps = rolling_steps(g, x[1] - x[0], steps=2, max_products=1, **case)
+    steps = rolling_steps(bound=g, element=x[1] - x[0], steps=2, max_products=1, **case)
     with pytest.raises(ContactError, match="after 2 products Coulomb's law is violated by"):
         next(steps)
 
@@ -264,7 +278,9 @@ def test_a_narrow_contact_that_sticks_nearly_everywhere(nu):
     x, y = surfaces.centres((100, 7), (1.0, 0.1))
     g = 1e-2 * np.sqrt(np.maximum(1.0 - (x / 50.0) ** 2 - (y / 0.35) ** 2, 0.0))
     material = Material.from_shear(1.0, nu)
-    result = rolling(g, (1.0, 0.1), material=material, longitudinal=5e-5, lateral=4e-5)
+    result = rolling(
+        bound=g, element=(1.0, 0.1), material=material, longitudinal=5e-5, lateral=4e-5
+    )
     assert_rolls(result, material)
     case = "rolling, narrow and sticking nearly everywhere"
     assert_within_budget(case, products=result.products)
@@ -298,7 +314,7 @@ def test_coulombs_law_for_any_creepage(seed, shape, nu, creepages):
     g = np.maximum(0.0, rng.random(shape) - 0.3) * 10.0 ** rng.uniform(-3, 1)
     creepages = creepages[0] if len(shape) == 1 else np.array(creepages) / [1, 1, h * max(shape)]
     given = dict(zip(NAMES, np.atleast_1d(creepages).tolist(), strict=False))
-    result = rolling(g, (h, 2 * h), material=Material.from_shear(1.0, nu), **given)
+    result = rolling(bound=g, element=(h, 2 * h), material=Material.from_shear(1.0, nu), **given)
     assert_rolls(result, Material.from_shear(1.0, nu))
 
 
@@ -316,7 +332,7 @@ def test_any_ellipse_of_few_elements(seed, finer):
     sizes = bound * 10.0 ** rng.uniform(-1, 1) * rng.standard_normal(3)
     creepages = dict(zip(NAMES, sizes.tolist(), strict=True))
     material = Material.from_shear(1.0, float(rng.uniform(0.0, 0.5)))
-    assert_rolls(rolling(g, element, material=material, **creepages), material)
+    assert_rolls(rolling(bound=g, element=element, material=material, **creepages), material)
 
 
 @pytest.mark.parametrize(
@@ -336,7 +352,7 @@ def test_any_ellipse_of_few_elements(seed, finer):
 )
 def test_refuses_what_makes_no_sense(change, error, message):
     with pytest.raises(error, match=message):
-        rolling(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), **change)
+        rolling(bound=np.ones(4), element=1.0, material=Material.from_shear(1.0, 0.3), **change)
 
 
 @doubtful
@@ -346,14 +362,14 @@ def test_a_normal_result_has_the_bound_the_elements_and_the_material():
     case = {"element": (0.1, 0.1), "material": steel}
     for mu in (0.3, np.linspace(0.2, 0.4, 12) + np.zeros((16, 1))):
         g, creepage = mu * pressed.pressure, -1e-3
-        expected = rolling(g, **case, longitudinal=creepage)
+        expected = rolling(bound=g, **case, longitudinal=creepage)
         result = rolling(pressed, mu=mu, longitudinal=creepage)
         assert_array_equal(result.traction, expected.traction)
         *_, last = rolling_steps(pressed, mu=mu, longitudinal=creepage, steps=2)
-        *_, expected = rolling_steps(g, **case, longitudinal=creepage, steps=2)
+        *_, expected = rolling_steps(bound=g, **case, longitudinal=creepage, steps=2)
         assert_array_equal(last.traction, expected.traction)
         curve = creep_curve(pressed, mu=mu, longitudinal=[-1e-3, -2e-3])
-        expected = creep_curve(g, **case, longitudinal=[-1e-3, -2e-3])
+        expected = creep_curve(bound=g, **case, longitudinal=[-1e-3, -2e-3])
         assert_array_equal(curve.force, expected.force)
 
 
@@ -366,7 +382,7 @@ def test_refuses_a_normal_result_that_does_not_do():
     with pytest.raises(TypeError, match="element is given, but a normal result has its own"):
         rolling(pressed, 0.1, mu=0.3, longitudinal=1e-3)
     with pytest.raises(TypeError, match="material is not given"):
-        rolling(np.ones(4), 0.1, longitudinal=1e-3)
+        rolling(bound=np.ones(4), element=0.1, longitudinal=1e-3)
     wave = np.cos(2.0 * np.pi * np.arange(32) / 32)
     repeats = normal_contact(wave, 0.1, material=steel, force=0.5, periodic=True)
     with pytest.raises(ValueError, match="surfaces that roll do not repeat"):
@@ -382,9 +398,13 @@ def test_refuses_options_that_are_none():
 
 def test_refuses_bad_steps():
     with pytest.raises(ValueError, match="steps is 0"):
-        rolling_steps(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), steps=0)
+        rolling_steps(
+            bound=np.ones(4), element=1.0, material=Material.from_shear(1.0, 0.3), steps=0
+        )
     with pytest.raises(TypeError, match=r"steps is 1\.5, but must be an integer"):
-        rolling_steps(np.ones(4), 1.0, material=Material.from_shear(1.0, 0.3), steps=1.5)
+        rolling_steps(
+            bound=np.ones(4), element=1.0, material=Material.from_shear(1.0, 0.3), steps=1.5
+        )
 
 
 def test_failure_is_an_error_that_says_what_is_violated():

@@ -27,7 +27,10 @@ from toeplitz_mg.contact import friction, normal_contact, surfaces
 
 WITH_ALL = replace(PRESSED, stiffness=0.1 + 0.2, warnings=("ä < b", "c"))
 BONDED = friction(
-    np.where(PRESSED.contact, np.inf, 0.0), PRESSED.element, material=PRESSED.material, shift=(1, 0)
+    bound=np.where(PRESSED.contact, np.inf, 0.0),
+    element=PRESSED.element,
+    material=PRESSED.material,
+    shift=(1, 0),
 )
 
 

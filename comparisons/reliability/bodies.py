@@ -170,7 +170,7 @@ def _shift(
         load = {"shift": direction * largest * log_uniform(rng, 1e-4, 10.0)}
     if m == 1:
         load = {name: value[0] for name, value in load.items()}
-    result = friction(bound, element, material=material, tolerance=TOLERANCE, **load)
+    result = friction(bound=bound, element=element, material=material, tolerance=TOLERANCE, **load)
     A = matrix("xy"[:m], bound.shape, element, material)
     q = result.traction.reshape(m, *bound.shape)
     u = (A @ q.ravel()).reshape(q.shape)
@@ -190,7 +190,7 @@ def _roll(
     size = float(pressed.traction.max()) / material.G * log_uniform(rng, 1e-3, 10.0)
     creepage = size * rng.standard_normal()
     options: Any = {"material": material, "tolerance": TOLERANCE, "longitudinal": creepage}
-    result = rolling(bound, element, **options)
+    result = rolling(bound=bound, element=element, **options)
     # The slip is the result's own: what it is made of is the subject of the tests.
     q, slip = result.traction[None], result.slip[None]
     return _coulomb_error(result, q, slip, SLACK * TOLERANCE * abs(creepage))

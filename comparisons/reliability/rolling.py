@@ -171,7 +171,7 @@ def in_steps(rng: Generator, problem: Problem) -> str:
     Fx, Fy = (float(F) if by else None for F, by in zip(force, given, strict=False))
     arguments = problem.arguments | _creepages(problem, given) | {"steps": STEPS}
     before = np.zeros((2, *problem.g.shape))
-    for result in rolling_steps(problem.g, force=(Fx, Fy), **arguments):
+    for result in rolling_steps(bound=problem.g, force=(Fx, Fy), **arguments):
         away = np.abs(result.force - force)[given[:2]].max(initial=0.0)
         if away > 1e-7 * most:
             return f"force off by {away / most:.1e} of the bound"
@@ -182,7 +182,7 @@ def in_steps(rng: Generator, problem: Problem) -> str:
 
 
 def _roll(problem: Problem, by_load: Any = (False,) * 3, **more: Any) -> TangentialResult:
-    return rolling(problem.g, **problem.arguments, **_creepages(problem, by_load), **more)
+    return rolling(bound=problem.g, **problem.arguments, **_creepages(problem, by_load), **more)
 
 
 def _creepages(problem: Problem, by_load: Any) -> dict[str, Any]:

@@ -81,7 +81,7 @@ def cattaneo_line(N: int) -> Solved:
     (x,) = surfaces.centres(N, h)
     g = MU * A / 2.0 * semi_ellipse(x, A)
     force = (1.0 - (C / A) ** 2) * MU * np.pi * A**2 / 4.0
-    result = friction(g, h, material=UNIT, force=force)
+    result = friction(bound=g, element=h, material=UNIT, force=force)
     theory = g - MU * C / 2.0 * semi_ellipse(x, C)
     errors = {"c": result.stick.sum() * h / (2.0 * C) - 1.0, "traction": rms(result, theory)}
     return Solved([result], errors, theory, bound=g)
@@ -93,7 +93,9 @@ def cattaneo_sphere(N: int, nu: float = 0.0) -> Solved:
     r = np.hypot(*surfaces.centres((N, N), (h, h)))
     g = MU * 2.0 * A / np.pi * semi_ellipse(r, A)
     shift = MU * (A**2 - C**2) * (2.0 - nu) / (2.0 * (1.0 - nu))
-    result = friction(g, (h, h), material=Material.from_shear(1.0 - nu, nu), shift=(shift, 0.0))
+    result = friction(
+        bound=g, element=(h, h), material=Material.from_shear(1.0 - nu, nu), shift=(shift, 0.0)
+    )
     theory = g - MU * 2.0 * C / np.pi * semi_ellipse(r, C)
     errors = {
         "c": np.sqrt(result.stick.sum() * h**2 / np.pi) / C - 1.0,

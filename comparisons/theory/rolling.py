@@ -110,7 +110,7 @@ def against_carter(result: TangentialResult, x: Array, bound: Array) -> Solved:
 def carter(N: int) -> Solved:
     """A cylinder that drives, and sticks in 0.6 of its contact."""
     x, g, h = carter_bound(N)
-    result = rolling(g, h, material=UNIT, longitudinal=-MU * A * (1.0 - PART))
+    result = rolling(bound=g, element=h, material=UNIT, longitudinal=-MU * A * (1.0 - PART))
     solved = against_carter(result, x, g)
     del solved.errors["ξ"]  # It is given.
     return solved
@@ -120,7 +120,7 @@ def carter_by_force(N: int) -> Solved:
     """The same, by the force that it carries: its creepage is found."""
     x, g, h = carter_bound(N)
     force = (1.0 - PART**2) * MU * np.pi * A**2 / 4.0
-    solved = against_carter(rolling(g, h, material=UNIT, force=force), x, g)
+    solved = against_carter(rolling(bound=g, element=h, material=UNIT, force=force), x, g)
     del solved.errors["F"]
     return solved
 
@@ -130,7 +130,7 @@ def carter_falling(N: int) -> Solved:
     x, g, h = carter_bound(N)
     before = g / falling_friction(np.where(x < (1.0 - 2.0 * PART) * A, carter_slip(x), 0.0))
     given: dict[str, Any] = {"material": UNIT, "longitudinal": -MU * A * (1.0 - PART)}
-    result = rolling(before, h, falling=falling_friction, **given)
+    result = rolling(bound=before, element=h, falling=falling_friction, **given)
     solved = against_carter(result, x, before * falling_friction(np.abs(result.slip)))
     del solved.errors["ξ"]
     return solved
@@ -141,11 +141,13 @@ def carter_from_rest(N: int) -> Solved:
     x, g, h = carter_bound(N)
     force = (1.0 - PART**2) * MU * np.pi * A**2 / 4.0
     case: dict[str, Any] = {"element": h, "material": UNIT, "force": force}
-    steps = rolling_steps(g, steps=round(4.0 * A / h), previous=friction(g, **case), **case)
+    steps = rolling_steps(
+        bound=g, steps=round(4.0 * A / h), previous=friction(bound=g, **case), **case
+    )
     *_, last = steps
     solved = against_carter(last, x, g)
     del solved.errors["F"]
-    steady = Solved([rolling(g, **case)], solved.errors, solved.theory, bound=g)
+    steady = Solved([rolling(bound=g, **case)], solved.errors, solved.theory, bound=g)
     steady.errors["from steady"] = rms(last, steady.results[0].traction)
     return steady
 
@@ -158,7 +160,7 @@ def kalker(N: int) -> Solved:
     names = ("longitudinal", "lateral", "spin")
     creepages: list[dict[str, Any]] = [{name: CREEPAGE} for name in names]
     results = [
-        rolling(g, (h, h), material=Material.from_shear(1.0, 0.25), **creepage)
+        rolling(bound=g, element=(h, h), material=Material.from_shear(1.0, 0.25), **creepage)
         for creepage in creepages
     ]
     # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ), M = -G a⁴ C33 φ

@@ -262,8 +262,10 @@ def roll(n: int, *, by_force: bool, before: int) -> Run:
         most = float(g.sum()) * element[0] * element[1]
         motion = {"force": (0.3 * most, 0.2 * most)}
     other, size = hertzian_bound(before)
-    contact.rolling(other, size, material=STEEL, longitudinal=0.03)
-    return lambda: thin(contact.rolling(g, element, material=STEEL, **motion).traction)
+    contact.rolling(bound=other, element=size, material=STEEL, longitudinal=0.03)
+    return lambda: thin(
+        contact.rolling(bound=g, element=element, material=STEEL, **motion).traction
+    )
 
 
 def rolling(n: int, *, by_force: bool = False, is_first: bool = False) -> Job:

@@ -19,7 +19,7 @@ material = contact.Material(E=210000.0, nu=0.28)
 gap = contact.surfaces.sphere((n, n), element, radius=R)
 pressed = contact.normal_contact(gap, element, material=material, force=force)
 pull = 0.5 * mu * force
-shifted = contact.friction(mu * pressed.pressure, element, material=material, force=(pull, 0.0))
+shifted = contact.friction(pressed, mu=mu, force=(pull, 0.0))
 print(shifted)
 
 # %%

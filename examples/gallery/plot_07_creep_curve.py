@@ -20,7 +20,7 @@ pressure = steel.E_star / (4 * R) * np.sqrt(np.maximum(half**2 - x**2, 0.0))
 creepages = mu * half / R * np.linspace(0.1, 1.2, 8)
 line = []
 for creepage in creepages:
-    rolled = contact.rolling(mu * pressure, h, material=steel, longitudinal=-creepage)
+    rolled = contact.rolling(bound=mu * pressure, element=h, material=steel, longitudinal=-creepage)
     line.append(rolled.force / (mu * pressure.sum() * h))
 
 # %%
@@ -30,7 +30,7 @@ gap = contact.surfaces.sphere((40, 40), element, radius=radius)
 pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
 shares = np.array([0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.2])
 of_sphere = mu * np.sqrt(pressed.area / np.pi) / radius * shares
-curve = contact.creep_curve(mu * pressed.pressure, element, material=steel, longitudinal=-of_sphere)
+curve = contact.creep_curve(pressed, mu=mu, longitudinal=-of_sphere)
 surface = curve.force[:, 0] / (mu * pressed.force)
 
 # %%

@@ -16,7 +16,7 @@ n, mu = 48, 0.3
 element, steel = (0.017, 0.017), contact.Material(E=210000.0, nu=0.28)
 gap = contact.surfaces.sphere((n, n), element, radius=50.0)
 pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
-rolled = contact.rolling(mu * pressed.pressure, element, material=steel, spin=0.003)
+rolled = contact.rolling(pressed, mu=mu, spin=0.003)
 print(rolled)
 print(f"force along {rolled.force[0]:.3f} N, across {rolled.force[1]:.3f} N")
 

@@ -24,7 +24,9 @@ full = mu * a / R  # The creepage from which all of it slips.
 fig, ax = plt.subplots(layout="constrained")
 ax.plot(x, mu * pressure, "k--", label="μ p")
 for share in (0.2, 0.5, 0.8):
-    rolled = contact.rolling(mu * pressure, h, material=steel, longitudinal=-share * full)
+    rolled = contact.rolling(
+        bound=mu * pressure, element=h, material=steel, longitudinal=-share * full
+    )
     ax.plot(x, rolled.traction.ravel(), label=f"{share} of full creepage")
     force = float(np.ravel(rolled.force)[0]) / (mu * pressure.sum() * h)
     sticks = rolled.stick.sum() / rolled.contact.sum()
@@ -46,9 +48,11 @@ strips, width = 100, 0.1
 places = contact.surfaces.centres(strips, width)[0]
 limit = mu * steel.E_star / (4 * R) * np.sqrt(np.maximum(a**2 - places**2, 0.0))
 pull = 0.5 * limit.sum() * width
-at_rest = contact.friction(limit, width, material=steel, force=pull)
+at_rest = contact.friction(bound=limit, element=width, material=steel, force=pull)
 on_the_way = list(
-    contact.rolling_steps(limit, width, material=steel, force=pull, steps=160, previous=at_rest)
+    contact.rolling_steps(
+        bound=limit, element=width, material=steel, force=pull, steps=160, previous=at_rest
+    )
 )
 fig, ax = plt.subplots(layout="constrained")
 ax.plot(places, limit, "k--", label="μ p")
@@ -68,10 +72,9 @@ ax.legend(ncols=2, loc="upper center")
 element = (0.018, 0.018)
 gap = contact.surfaces.sphere((44, 44), element, radius=50.0)
 pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
-bound = mu * pressed.pressure
 radius = np.sqrt(pressed.area / np.pi)
 driven = [share * mu * radius / 50.0 for share in (0.3, 0.7)]
-few = [contact.rolling(bound, element, material=steel, longitudinal=-x) for x in driven]
+few = [contact.rolling(pressed, mu=mu, longitudinal=-x) for x in driven]
 fig, axes = plt.subplots(1, 2, figsize=(10, 4), layout="compressed")
 for ax, rolled in zip(axes, few, strict=True):
     rolled.plot(ax)
@@ -82,14 +85,14 @@ for ax, rolled in zip(axes, few, strict=True):
 # At small creepage the force is proportional to it: F = -C₁₁ G a b ξ, with C₁₁ about 4.1 to 4.2 for
 # a circle and ν of 1/4 to 0.28. On a coarse grid it is approached from one side.
 creepage = 0.02 * mu * radius / 50.0
-slow = contact.rolling(bound, element, material=steel, longitudinal=-creepage)
+slow = contact.rolling(pressed, mu=mu, longitudinal=-creepage)
 print(f"C11 {slow.force[0] / (steel.G * radius**2 * creepage):.3f}")
 
 # %%
 # Spin
 # ----
 # A contact that is inclined turns about its normal. Spin alone gives a force across.
-spun = contact.rolling(bound, element, material=steel, spin=0.004)
+spun = contact.rolling(pressed, mu=mu, spin=0.004)
 print(f"along {spun.force[0]:.3f} N, across {spun.force[1]:.3f} N")
 
 # %%

@@ -52,9 +52,11 @@ def assert_same_work(comm, own, alone):
 def on_both(comm, function, field, element, **case):
     """What a function of `contact` returns on these ranks, and on one, with the slab before."""
     slab = slabs.Slab(comm, field.shape, unit=case.pop("unit", None))
-    alone = getattr(contact, function)(field, element, material=STEEL, **case)
+    name, common = "gap" if function == "normal_contact" else "bound", {"material": STEEL}
+    alone = getattr(contact, function)(element=element, **{name: field}, **common, **case)
     rows = {name: x[..., slab.rows, :] if np.ndim(x) > 1 else x for name, x in case.items()}
-    own = getattr(slabs, function)(field[slab.rows], slab, element, material=STEEL, **rows)
+    common |= {name: field[slab.rows], "slab": slab, "element": element}
+    own = getattr(slabs, function)(**common, **rows)
     return slab, own, alone
 
 
@@ -149,7 +151,10 @@ def test_a_result_of_one_rank_is_not_taken_for_that_of_all(comm):
     gap, element, force = surface("sphere", 40)
     slab, case = slabs.Slab(comm, gap.shape), {"material": STEEL}
     own = slabs.normal_contact(gap[slab.rows], slab, element, force=force, **case)
-    shifted = slabs.friction(0.3 * own.pressure, slab, element, shift=(1e-4, 0.0), **case)
+    shifted = slabs.friction(own, slab, mu=0.3, shift=(1e-4, 0.0))
+    by_bound = {"bound": 0.3 * own.pressure, "element": element, "shift": (1e-4, 0.0), **case}
+    again = slabs.friction(slab=slab, **by_bound)
+    assert np.array_equal(shifted.traction, again.traction)
     with TemporaryDirectory() as there:
         path = Path(there) / "result"
         uses = (

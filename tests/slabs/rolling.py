@@ -60,7 +60,7 @@ def test_bodies_roll_by_loads_near_those_of_sliding(comm):
     carried = g.sum() * element[0] * element[1]
     for other in ({"moment": alone.moment}, {"spin": fast["spin"]}):
         loads = {"material": STEEL, "force": tuple(alone.force), **other}
-        own = slabs.rolling(g[slab.rows], slab, element, **loads)
+        own = slabs.rolling(bound=g[slab.rows], slab=slab, element=element, **loads)
         assert own.residual <= 1e-8
         assert own.products <= 2.5 * alone.products
         assert_allclose(own.force, alone.force, atol=1e-7 * carried)
@@ -74,16 +74,18 @@ def test_bodies_roll_step_by_step(comm):
     slab = slabs.Slab(comm, g.shape)
     rows, case = g[slab.rows], {"material": STEEL, "steps": 3}
     load = (0.3 * g.sum() * element[0] * element[1], 0.0)
-    at_rest = contact.friction(g, element, material=STEEL, force=load)
-    on_rows = slabs.friction(rows, slab, element, material=STEEL, force=load)
+    at_rest = contact.friction(bound=g, element=element, material=STEEL, force=load)
+    on_rows = slabs.friction(bound=rows, slab=slab, element=element, material=STEEL, force=load)
     alone, own = {"previous": at_rest}, {"previous": on_rows}
     for motion, before, mine in (
         ({"longitudinal": -1e-4, "spin": 1e-4}, {}, {}),
         ({"force": load}, alone, own),
         ({"force": (load[0], None), "lateral": -1e-4}, alone, own),
     ):
-        expected = list(contact.rolling_steps(g, element, **case, **motion, **before))
-        found = list(slabs.rolling_steps(rows, slab, element, **case, **motion, **mine))
+        expected = list(contact.rolling_steps(bound=g, element=element, **case, **motion, **before))
+        found = list(
+            slabs.rolling_steps(bound=rows, slab=slab, element=element, **case, **motion, **mine)
+        )
         assert len(found) == case["steps"]
         for one, other in zip(found, expected, strict=True):
             size = np.abs(other.traction).max()
@@ -102,7 +104,9 @@ def test_what_ranks_roll_by_differently_is_refused(comm):
     ):
         for function, more in ((slabs.rolling, {}), (slabs.rolling_steps, {"steps": 1})):
             case = {"material": STEEL, "longitudinal": 1e-4, **motion, **more}
-            work = partial(function, np.full(slab.local, 9.0), slab, (0.02, 0.03), **case)
+            work = partial(
+                function, bound=np.full(slab.local, 9.0), slab=slab, element=(0.02, 0.03), **case
+            )
             if last:
                 refuses(comm, ValueError, text, work)
 
@@ -128,7 +132,9 @@ def test_steps_are_refused_by_all(comm):
     last = comm.size - 1
 
     def steps(**case):
-        return lambda: slabs.rolling_steps(g[slab.rows], slab, element, material=STEEL, **case)
+        return lambda: slabs.rolling_steps(
+            bound=g[slab.rows], slab=slab, element=element, material=STEEL, **case
+        )
 
     refuses(comm, ValueError, "steps is 0", steps(steps=0))
     refuses(comm, ValueError, "less than the traction bound", steps(steps=1, force=(1e9, None)))
@@ -140,5 +146,7 @@ def test_steps_are_refused_by_all(comm):
 def test_an_error_has_what_is_reached_of_the_loads(comm):
     slab = slabs.Slab(comm, (24, 16))
     case = {"material": STEEL, "force": (0.1, 0.1), "max_products": 3}
-    work = partial(slabs.rolling, np.full(slab.local, 9.0), slab, (0.02, 0.03), **case)
+    work = partial(
+        slabs.rolling, bound=np.full(slab.local, 9.0), slab=slab, element=(0.02, 0.03), **case
+    )
     refuses(comm, contact.ContactError, r"; of the force (0.1, 0.1) it has [", work)

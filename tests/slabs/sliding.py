@@ -56,8 +56,10 @@ def test_a_shift_after_another(comm):
     case = {"shift": (6e-4, 0.0)}
     g, slab, own, alone = assert_same_friction(comm, 40, **case)
     after = {"material": STEEL, "shift": (-4e-4, 3e-4)}
-    expected = contact.friction(g, alone.element, previous=alone, **after)
-    found = slabs.friction(g[slab.rows], slab, own.element, previous=own, **after)
+    expected = contact.friction(bound=g, element=alone.element, previous=alone, **after)
+    found = slabs.friction(
+        bound=g[slab.rows], slab=slab, element=own.element, previous=own, **after
+    )
     assert_near(slab, found, expected, traction=1e-5)
 
 
@@ -70,7 +72,12 @@ def test_a_field_of_shifts_where_ranks_have_a_single_element(comm):
         slab, own, alone = on_both(comm, "friction", g, element, shift=field, **load)
         assert_near(slab, own, alone, traction=1e-6, shift=1e-6)
         after = slabs.friction(
-            g[slab.rows], slab, element, material=STEEL, shift=(1e-4, 0.0), previous=own
+            bound=g[slab.rows],
+            slab=slab,
+            element=element,
+            material=STEEL,
+            shift=(1e-4, 0.0),
+            previous=own,
         )
         expected = own.shift + np.array([1e-4, 0.0])[:, None, None]
         assert_allclose(after.total_shift, expected, atol=1e-9)
@@ -82,7 +89,9 @@ def test_friction_refuses_on_all_ranks(comm):
 
     def shift(g=None, **case):
         g = np.ones(slab.local) if g is None else g
-        return lambda: slabs.friction(g, slab, (0.1, 0.1), material=STEEL, **case)
+        return lambda: slabs.friction(
+            bound=g, slab=slab, element=(0.1, 0.1), material=STEEL, **case
+        )
 
     bad = np.ones(slab.local)
     bad[0, 0] = -1.0 if last else 1.0

@@ -44,15 +44,23 @@ def test_a_force_after_another(comm):
         rows, element = g[slab.rows], (0.01, 0.01)
         alone = own = None
         for force in ((1.0, 0.0), (2.0, 0.5)):
-            alone = contact.friction(g, element, force=force, previous=alone, **case)
-            own = slabs.friction(rows, slab, element, force=force, previous=own, **case)
+            alone = contact.friction(bound=g, element=element, force=force, previous=alone, **case)
+            own = slabs.friction(
+                bound=rows, slab=slab, element=element, force=force, previous=own, **case
+            )
             assert_allclose(own.force, force, rtol=1e-9, atol=1e-9)
             assert_allclose(own.total_shift, alone.total_shift, rtol=1e-6, atol=1e-12)
             size = np.abs(alone.traction).max()
             assert_allclose(own.traction, alone.traction[:, slab.rows], atol=1e-5 * size)
         step = {"force": (2.0, 0.5), "steps": 2}
-        expected = list(contact.rolling_steps(g, element, previous=alone, **step, **case))
-        found = list(slabs.rolling_steps(rows, slab, element, previous=own, **step, **case))
+        expected = list(
+            contact.rolling_steps(bound=g, element=element, previous=alone, **step, **case)
+        )
+        found = list(
+            slabs.rolling_steps(
+                bound=rows, slab=slab, element=element, previous=own, **step, **case
+            )
+        )
         for one, other in zip(found, expected, strict=True):
             assert_allclose(one.force, other.force, rtol=1e-9, atol=1e-9)
             assert_allclose(one.power, other.power, rtol=1e-6, atol=1e-12)
@@ -75,7 +83,7 @@ def test_ranks_that_round_differently_have_the_same_numbers(comm):
         (slabs.friction, {"force": (0.6 * carried, 0.1 * carried)}),
         (slabs.rolling, {"force": (0.6 * carried, None)}),
     ):
-        own = function(g[slab.rows], slab, element, material=STEEL, **motion)
+        own = function(bound=g[slab.rows], slab=slab, element=element, material=STEEL, **motion)
         numbers = [own.products, own.iterations, own.residual, own.energy, own.moment]
         numbers += [own.power, own.stick_area, *np.ravel(own.force), *np.ravel(own.rigid)]
         assert len({repr(told) for told in comm.allgather(numbers)}) == 1

@@ -83,9 +83,10 @@ def check_hardness(
 
 def check_bound(bound: ArrayLike) -> Array:
     """Return a traction bound as an array, or say what is wrong with it."""
-    if isinstance(bound, NormalResult):
+    if hasattr(bound, "summary"):
         raise TypeError(
-            "bound is a normal result, but must be a traction bound: μ times its pressure"
+            f"bound is a {type(bound).__name__}, but must be an array, μ times the pressure: a "
+            "result of normal_contact is the first argument, beside mu="
         )
     g = field("bound", bound)
     if (g < 0.0).any():
@@ -109,53 +110,72 @@ def check_friction(mu: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def check_pressed(
-    bound: Any, element: Any, material: Any, periodic: Any, mu: Any
+    pressed: Any, bound: Any, element: Any, material: Any, periodic: Any, mu: Any
 ) -> tuple[Array, Any, Any, Any]:
-    """Return a traction bound, and what belongs to it, of a bound or of a normal result.
+    """Return a traction bound, and what belongs to it, of bodies that are pressed or of a bound.
 
     That is the element, the material, and along which axes the surface repeats.
     """
-    if isinstance(bound, TangentialResult):
+    if (pressed is None) == (bound is None):
         raise TypeError(
-            "bound is a tangential result, but must be a normal one, or a traction bound"
+            "the first argument, a result of normal_contact, or bound=, a traction bound, must be "
+            "given: " + ("neither is" if bound is None else "both are, but one decides the other")
         )
-    if not isinstance(bound, NormalResult) and hasattr(bound, "normal"):
-        raise TypeError(
-            f"bound is a {type(bound).__name__}, but must be a normal result, as its `normal`, or "
-            "a traction bound"
-        )
-    if not isinstance(bound, NormalResult):
+    if bound is not None:
+        g = check_bound(bound)
         if mu is not None:
-            raise TypeError(
-                "mu is given, but bound is no normal result: a traction bound is μ p itself"
-            )
+            raise TypeError("mu is given, but bound is μ p itself: mu belongs to a normal result")
         for name, value in (("element", element), ("material", material)):
             if value is None:
                 raise TypeError(f"{name} is not given, but only a normal result has its own")
-        return check_bound(bound), element, material, False if periodic is None else periodic
+        return g, element, material, False if periodic is None else periodic
+    require_pressed(pressed)
     for name, value in (("element", element), ("material", material), ("periodic", periodic)):
         if value is not None:
             raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
-    require_whole(bound, "bound")
-    require_finite(bound, "bound")
+    require_whole(pressed, "the normal result")
+    return read_bound(pressed, mu), pressed.element, pressed.material, pressed.periodic or False
+
+
+def require_pressed(pressed: Any) -> None:
+    """Refuse a first argument of `friction` or `rolling` that is no result of normal contact."""
+    if isinstance(pressed, NormalResult):
+        return
+    kind, hint = f"a {type(pressed).__name__}", ""
+    if hasattr(pressed, "normal"):
+        hint = ", as its `normal`"
+    elif not hasattr(pressed, "summary"):
+        kind = f"an array of shape {np.shape(pressed)}" if np.ndim(pressed) else repr(pressed)
+        hint = ": a traction bound is given as bound="
+    raise TypeError(f"the first argument is {kind}, but must be a result of normal_contact{hint}")
+
+
+def read_bound(pressed: NormalResult, mu: Any) -> Array:
+    """Return the traction bound of bodies that are pressed, or of one rank's rows of them."""
+    require_finite(pressed, "the normal result")
     if mu is None:
         raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
-    friction = check_friction(mu, bound.shape)
-    # Where nothing is pressed a coefficient may be infinite.
-    g = np.multiply(friction, bound.pressure, where=bound.contact, out=np.zeros(bound.shape))
-    return check_bound(g), bound.element, bound.material, bound.periodic or False
+    friction = check_friction(mu, pressed.contact.shape)
+    return check_bound(bound_of(friction, pressed.pressure))
 
 
-def check_rolled(bound: Any, element: Any, material: Any, mu: Any) -> tuple[Array, Any, Any]:
+def bound_of(mu: Array, p: Array) -> Array:
+    """Return the traction bound of pressures: none where there are none, for any coefficient."""
+    return np.multiply(mu, p, out=np.zeros_like(p), where=p != 0.0)
+
+
+def check_rolled(
+    pressed: Any, bound: Any, element: Any, material: Any, mu: Any
+) -> tuple[Array, Any, Any]:
     """Return a traction bound, the element and the material, as `check_pressed` does, for rolling.
 
     Bodies that roll do not repeat.
     """
-    g, element, material, periodic = check_pressed(bound, element, material, None, mu)
+    g, element, material, periodic = check_pressed(pressed, bound, element, material, None, mu)
     if np.any(periodic):
         raise ValueError(
-            f"bound is a normal result with periodic={periodic}, but surfaces that roll do not "
-            "repeat: press them with periodic=False"
+            f"the normal result has periodic={periodic}, but surfaces that roll do not repeat: "
+            "press them with periodic=False"
         )
     return g, element, material
 

@@ -10,8 +10,8 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from toeplitz_mg import contact
-from toeplitz_mg._typing import Element
-from toeplitz_mg.contact.checks import check_bound
+from toeplitz_mg._typing import Array, Element
+from toeplitz_mg.contact.checks import check_pressed, read_bound, require_pressed
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
 from toeplitz_mg.slabs.grid import SlabGrid
@@ -61,21 +61,33 @@ def normal_contact(
     '0.00351 mm'
     """
     names = ("approach", "force", *SEARCH)
-    return _on_rows(contact.normal_contact, names, gap, slab, element, material, arguments)
+    return _on_rows(contact.normal_contact, names, (gap,), slab, element, material, arguments)
 
 
 def friction(
-    bound: ArrayLike, slab: Slab, element: Element, *, material: Any, **arguments: Any
+    pressed: NormalResult | None = None,
+    slab: Any = None,
+    *,
+    mu: ArrayLike | None = None,
+    bound: ArrayLike | None = None,
+    element: Element | None = None,
+    material: Any = None,
+    **arguments: Any,
 ) -> TangentialResult:
     """Shift two bodies in contact tangentially (see `contact.friction`).
 
     Parameters
     ----------
-    bound : array_like of shape `slab.local`
-        This rank's rows of the traction bound, N/mm².
+    pressed : NormalResult
+        The bodies that are pressed together, a result of `normal_contact` on these rows.
     slab : Slab
         Of a grid of two axes.
-    element, material, **arguments
+    mu, bound
+        The coefficient of friction, with `pressed`; or in the place of both this rank's rows of the
+        traction bound, of shape `slab.local`, N/mm².
+    element, material
+        Those of a traction bound.
+    **arguments
         Those of `contact.friction`: shift, force, previous (a result on the same rows), tolerance,
         nested, max_products and progress. Of a field of shifts, (2, n1, n2), each has its rows.
 
@@ -89,17 +101,25 @@ def friction(
     toeplitz_mg.contact.friction : on one machine. What it raises on one rank it does on all.
     """
     names = ("shift", "force", "previous", *SEARCH)
-    return _on_rows(contact.friction, names, bound, slab, element, material, arguments)
+    bodies = pressed, bound, mu
+    return _on_rows(contact.friction, names, bodies, slab, element, material, arguments)
 
 
 def rolling(
-    bound: ArrayLike, slab: Slab, element: Element, *, material: Any, **arguments: Any
+    pressed: NormalResult | None = None,
+    slab: Any = None,
+    *,
+    mu: ArrayLike | None = None,
+    bound: ArrayLike | None = None,
+    element: Element | None = None,
+    material: Any = None,
+    **arguments: Any,
 ) -> TangentialResult:
     """Roll steadily towards positive x, by creepages or forces (see `contact.rolling`).
 
     Parameters
     ----------
-    bound, slab, element, material
+    pressed, slab, mu, bound, element, material
         As in `friction`.
     **arguments
         Those of `contact.rolling`: longitudinal, lateral, spin, force, moment, slip (this rank's
@@ -115,17 +135,25 @@ def rolling(
     toeplitz_mg.contact.rolling : on one machine. What it raises on one rank it does on all.
     """
     names = (*MOTION, "moment", *SEARCH, "options")
-    return _on_rows(contact.rolling, names, bound, slab, element, material, arguments)
+    bodies = pressed, bound, mu
+    return _on_rows(contact.rolling, names, bodies, slab, element, material, arguments)
 
 
 def rolling_steps(
-    bound: ArrayLike, slab: Slab, element: Element, *, material: Any, **arguments: Any
+    pressed: NormalResult | None = None,
+    slab: Any = None,
+    *,
+    mu: ArrayLike | None = None,
+    bound: ArrayLike | None = None,
+    element: Element | None = None,
+    material: Any = None,
+    **arguments: Any,
 ) -> Iterator[TangentialResult]:
     """Roll step by step, one element in each, from given tractions (see `contact.rolling_steps`).
 
     Parameters
     ----------
-    bound, slab, element, material
+    pressed, slab, mu, bound, element, material
         As in `friction`.
     **arguments
         Those of `contact.rolling_steps`: longitudinal, lateral, spin, force, slip, pole, steps,
@@ -141,15 +169,16 @@ def rolling_steps(
     toeplitz_mg.contact.rolling_steps : the same on one machine.
     """
     names = (*MOTION, "steps", "previous", "tolerance", "max_products", "progress")
-    return _on_rows(contact.rolling_steps, names, bound, slab, element, material, arguments)
+    bodies = pressed, bound, mu
+    return _on_rows(contact.rolling_steps, names, bodies, slab, element, material, arguments)
 
 
 def _on_rows(
     function: Callable[..., Any],
     names: tuple[str, ...],
-    rows: ArrayLike,
+    bodies: tuple[Any, ...],
     slab: Slab,
-    element: Element,
+    element: Any,
     material: Any,
     given: dict[str, Any],
 ) -> Any:
@@ -161,12 +190,27 @@ def _on_rows(
                 raise TypeError(
                     f"{other} is given, but {function.__name__} on slabs takes {', '.join(names)}"
                 )
-        name = "gap" if function is contact.normal_contact else "bound"
-        shape = (field(name, rows) if name == "gap" else check_bound(rows)).shape
+        if len(bodies) == 1:
+            name, rows = "gap", field("gap", *bodies)
+        else:
+            name, (rows, element, material) = "bound", _read_bound(*bodies, element, material)
         if len(slab.shape) != 2:
             raise ValueError(f"the grid is {slab.shape}, but contact on slabs has two axes")
-        if shape != slab.local:
-            raise ValueError(f"{name} has shape {shape}, but this rank's rows have {slab.local}")
+        if rows.shape != slab.local:
+            raise ValueError(
+                f"{name} has shape {rows.shape}, but this rank's rows have {slab.local}"
+            )
         whole = Grid.of(slab.shape, element, material, None)
         same["element"], same["material"] = whole.element, whole.material
-    return function(rows, SlabGrid.of_rows(whole, slab), material=material, **given)
+    grid = SlabGrid.of_rows(whole, slab)
+    return function(element=grid, material=material, **{name: rows}, **given)
+
+
+def _read_bound(
+    pressed: Any, bound: Any, mu: Any, element: Any, material: Any
+) -> tuple[Array, Any, Any]:
+    """Return this rank's rows of a traction bound, the element and the material."""
+    if pressed is None or bound is not None or element is not None or material is not None:
+        return check_pressed(pressed, bound, element, material, None, mu)[:3]
+    require_pressed(pressed)
+    return read_bound(pressed, mu), pressed.element, pressed.material

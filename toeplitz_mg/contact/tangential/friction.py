@@ -43,10 +43,11 @@ from toeplitz_mg.values import refuse_masked
 
 
 def friction(
-    bound: ArrayLike | NormalResult,
+    pressed: NormalResult | None = None,
     element: Element | None = None,
     *,
     mu: ArrayLike | None = None,
+    bound: ArrayLike | None = None,
     material: Any = None,
     shift: ArrayLike | None = None,
     force: ArrayLike | None = None,
@@ -62,15 +63,18 @@ def friction(
 
     Parameters
     ----------
-    bound : NormalResult, or array_like of shape (n1, n2) or (n,)
-        The bodies that are pressed together, with `mu`, of which element and material are taken.
-        Or the traction bound g = μ p of each element, N/mm²: zero outside the contact, and
-        infinite where the bodies are bonded (μ = ∞). One axis is line contact.
+    pressed : NormalResult
+        The bodies that are pressed together, a result of `normal_contact`, with `mu`. Element and
+        material are taken from it.
     element : (float, float) or float
         With a traction bound, size (h1, h2) of an element, mm. In line contact the width and the
         length of the strips, or the width alone: plane strain, with forces per mm of length.
     mu : float, or array_like of shape (n1, n2) or (n,)
         With a normal result, the coefficient of friction, of all elements or of each.
+    bound : array_like of shape (n1, n2) or (n,)
+        In the place of `pressed` and `mu`, the traction bound g = μ p of each element, N/mm²: zero
+        outside the contact, and infinite where the bodies are bonded (μ = ∞). One axis is line
+        contact.
     material : Material or (Material, Material)
         With a traction bound, of both bodies, or of the first and the second (see
         `contact.Material`).
@@ -150,7 +154,7 @@ def friction(
     >>> f"{shifted.shift[0] * 1e3:.3f} µm, {exact * 1e3:.3f} by theory"
     '0.466 µm, 0.466 by theory'
     """
-    g, element, material, periodic = check_pressed(bound, element, material, periodic, mu)
+    g, element, material, periodic = check_pressed(pressed, bound, element, material, periodic, mu)
     grid = Grid.of(g.shape, element, material, reference, periodic)
     if is_lateral(previous) or has_two_components(g.shape, shift, force):
         grid = replace(grid, directions="xy")

@@ -44,10 +44,11 @@ ROUNDING = 1000.0 * float(np.finfo(np.float64).eps)
 
 
 def rolling(
-    bound: ArrayLike | NormalResult,
+    pressed: NormalResult | None = None,
     element: Element | None = None,
     *,
     mu: ArrayLike | None = None,
+    bound: ArrayLike | None = None,
     material: Any = None,
     longitudinal: float = 0.0,
     lateral: float = 0.0,
@@ -68,15 +69,18 @@ def rolling(
 
     Parameters
     ----------
-    bound : NormalResult, or array_like of shape (n1, n2) or (n,)
-        The bodies that are pressed together, with `mu`, of which element and material are taken.
-        Or the traction bound g = μ p of each element, N/mm²: zero outside the contact, and
-        infinite where the bodies are bonded (μ = ∞). One axis is line contact.
+    pressed : NormalResult
+        The bodies that are pressed together, a result of `normal_contact`, with `mu`. Element and
+        material are taken from it.
     element : (float, float) or float
         With a traction bound, size (h1, h2) of an element, mm. In line contact the width and the
         length of the strips, or the width alone: plane strain, with forces per mm of length.
     mu : float, or array_like of shape (n1, n2) or (n,)
         With a normal result, the coefficient of friction, of all elements or of each.
+    bound : array_like of shape (n1, n2) or (n,)
+        In the place of `pressed` and `mu`, the traction bound g = μ p of each element, N/mm²: zero
+        outside the contact, and infinite where the bodies are bonded (μ = ∞). One axis is line
+        contact.
     material : Material or (Material, Material)
         With a traction bound, of both bodies, or of the first and the second (see
         `contact.Material`).
@@ -158,11 +162,13 @@ def rolling(
     >>> (x,) = surfaces.centres(200, 0.05)
     >>> p = G / (1 - nu) * np.sqrt(np.maximum(a**2 - x**2, 0.0)) / (2 * R)
     >>> creepage = -mu * (a - 0.6 * a) / R
-    >>> rolled = rolling(mu * p, 0.05, material=Material.from_shear(G, nu), longitudinal=creepage)
+    >>> rolled = rolling(
+    ...     bound=mu * p, element=0.05, material=Material.from_shear(G, nu), longitudinal=creepage
+    ... )
     >>> bool(abs(rolled.force / (mu * p.sum() * 0.05) - (1 - 0.6**2)) < 0.01)
     True
     """
-    g, element, material = check_rolled(bound, element, material, mu)
+    g, element, material = check_rolled(pressed, bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
     asked = (longitudinal, lateral, spin), force, moment, slip, pole
     search = tolerance, nested, max_products, progress, options, guess

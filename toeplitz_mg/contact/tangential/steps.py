@@ -33,10 +33,11 @@ from toeplitz_mg.values import count
 
 
 def rolling_steps(
-    bound: ArrayLike | NormalResult,
+    pressed: NormalResult | None = None,
     element: Element | None = None,
     *,
     mu: ArrayLike | None = None,
+    bound: ArrayLike | None = None,
     material: Any = None,
     longitudinal: float = 0.0,
     lateral: float = 0.0,
@@ -54,7 +55,9 @@ def rolling_steps(
 
     Parameters
     ----------
-    bound, element, mu, material, longitudinal, lateral, spin, slip, pole, tolerance, max_products
+    pressed, element, mu, bound, material, longitudinal, lateral, spin, slip, pole
+        The arguments of `rolling`.
+    tolerance, max_products
         The arguments of `rolling`.
     force : (float, float) or float, optional
         The tangential force (Fx, Fy) in each step, in the place of creepages, which are then found,
@@ -95,22 +98,23 @@ def rolling_steps(
     >>> import numpy as np
     >>> from toeplitz_mg.contact import Material, rolling, rolling_steps
     >>> x = np.linspace(-0.95, 0.95, 20)
-    >>> case = dict(element=0.1, material=Material.from_shear(1.0, 0.3), longitudinal=-0.1)
-    >>> g = 0.3 * np.sqrt(1 - x**2)
-    >>> *_, last = rolling_steps(g, steps=60, **case)
-    >>> bool(np.allclose(last.traction, rolling(g, **case).traction, atol=1e-6))
+    >>> g, soft = 0.3 * np.sqrt(1 - x**2), Material.from_shear(1.0, 0.3)
+    >>> bodies = dict(bound=g, element=0.1, material=soft)
+    >>> case = dict(**bodies, longitudinal=-0.1)
+    >>> *_, last = rolling_steps(steps=60, **case)
+    >>> bool(np.allclose(last.traction, rolling(**case).traction, atol=1e-6))
     True
 
     From a force at rest to the same force when it rolls, so that the bodies begin to creep:
 
     >>> from toeplitz_mg.contact import friction
-    >>> case = dict(element=0.1, material=Material.from_shear(1.0, 0.3), force=0.3)
-    >>> at_rest = friction(g, **case)
-    >>> *_, last = rolling_steps(g, steps=60, previous=at_rest, **case)
-    >>> bool(np.isclose(last.rigid, rolling(g, **case).rigid, rtol=1e-5))
+    >>> case = dict(**bodies, force=0.3)
+    >>> at_rest = friction(**case)
+    >>> *_, last = rolling_steps(steps=60, previous=at_rest, **case)
+    >>> bool(np.isclose(last.rigid, rolling(**case).rigid, rtol=1e-5))
     True
     """
-    g, element, material = check_rolled(bound, element, material, mu)
+    g, element, material = check_rolled(pressed, bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
     motion = (longitudinal, lateral, spin), force, None, slip, pole
     search = tolerance, max_products, progress

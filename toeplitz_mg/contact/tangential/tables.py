@@ -124,10 +124,11 @@ class CreepCurve(Result):
 
 
 def creep_curve(
-    bound: ArrayLike | NormalResult,
+    pressed: NormalResult | None = None,
     element: Element | None = None,
     *,
     mu: ArrayLike | None = None,
+    bound: ArrayLike | None = None,
     material: Any = None,
     longitudinal: ArrayLike = 0.0,
     lateral: ArrayLike = 0.0,
@@ -138,7 +139,7 @@ def creep_curve(
 
     Parameters
     ----------
-    bound, element, mu, material
+    pressed, element, mu, bound, material
         The arguments of `rolling`.
     longitudinal, lateral, spin : array_like
         The creepages of each point, or one number for all points.
@@ -178,19 +179,18 @@ def creep_curve(
     >>> g = 0.3 * np.sqrt(1 - x**2)
     >>> creepages = -np.array([0.05, 0.1, 0.2, 0.4])
     >>> steel = Material.from_shear(1.0, 0.3)
-    >>> curve = creep_curve(g, 0.05, material=steel, longitudinal=creepages)
+    >>> curve = creep_curve(bound=g, element=0.05, material=steel, longitudinal=creepages)
     >>> (curve.force / (g.sum() * 0.05)).round(2)
     array([0.23, 0.42, 0.73, 1.  ])
     """
     points = _read_points(longitudinal, lateral, spin)
+    bodies: dict[str, Any] = {"mu": mu, "bound": bound, "material": material}
 
     def solve() -> Iterator[TangentialResult]:
         guess = arguments.pop("guess", None)
         for point in points.tolist():
             creepages = dict(zip(CREEPAGES, point, strict=True))
-            result = rolling(
-                bound, element, mu=mu, material=material, guess=guess, **creepages, **arguments
-            )
+            result = rolling(pressed, element, guess=guess, **bodies, **creepages, **arguments)
             yield result
             is_fine_line = result.contact.ndim == 1 and np.count_nonzero(result.contact) > DENSE
             guess = None if is_fine_line else result

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.contact.checks import SLIDES, measure_from_contact
+from toeplitz_mg.contact.checks import SLIDES, bound_of, measure_from_contact
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.normal import problem as normal
 from toeplitz_mg.contact.normal import starts
@@ -59,11 +59,6 @@ class Coupling:
             if A is not None:  # What is odd has minus itself for its transpose.
                 u -= apply_to_rows(A, traction.ravel()).reshape(u.shape)
         return u
-
-
-def bound_of(mu: Array, p: Array) -> Array:
-    """Return the traction bound of pressures: none where there are none, for any coefficient."""
-    return np.multiply(mu, p, out=np.zeros_like(p), where=p > 0.0)
 
 
 @dataclass

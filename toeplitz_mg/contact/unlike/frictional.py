@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Element, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
+    bound_of,
     check_force,
     check_friction,
     check_iteration,
@@ -41,7 +42,6 @@ from toeplitz_mg.contact.unlike.alternation import (
     Rolling,
     Shifting,
     alternate,
-    bound_of,
 )
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
