@@ -144,7 +144,8 @@ def measure_channels(channels: Sequence[int], unknowns: Sequence[int]) -> Iterat
                 return scipy.linalg.cho_solve(scipy.linalg.cho_factor(A, lower=True), b.ravel())
 
             solve = partial(tmg.solve_block_toeplitz, c, b, full_output=True)
-            contenders = {"seconds": solve, "dense_seconds": factor}
+            contenders: dict[str, Callable[[], object]] = {"seconds": solve}
+            contenders["dense_seconds"] = factor
             row = time_in_turns(contenders) | {"method": solve()[1].method}
             yield {"channels": k, "unknowns": n * k} | row
 

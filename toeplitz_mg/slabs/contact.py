@@ -193,7 +193,9 @@ def _on_rows(
         if len(bodies) == 1:
             name, rows = "gap", field("gap", *bodies)
         else:
-            name, (rows, element, material) = "bound", _read_bound(*bodies, element, material)
+            pressed, bound, mu = bodies
+            rows, element, material = _read_bound(pressed, bound, mu, element, material)
+            name = "bound"
         if len(slab.shape) != 2:
             raise ValueError(f"the grid is {slab.shape}, but contact on slabs has two axes")
         if rows.shape != slab.local:
