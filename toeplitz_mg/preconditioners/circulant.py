@@ -22,6 +22,7 @@ from toeplitz_mg.operators.positivity import (
     require_positive,
     rounding,
 )
+from toeplitz_mg.operators.sums import advise_of_negative
 from toeplitz_mg.operators.symbol import NEGLIGIBLE
 
 # Least size of a sample over the distance to those beside it. With 0.03 to 0.3 GMRES takes as many
@@ -167,7 +168,8 @@ def _invert_coupled(A: CoupledOperator, dtype: np.dtype[Any]) -> DiagonalisedOpe
     matrices = xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2)
     if A.is_hermitian:
         eigenvalues = xp.linalg.eigvalsh(matrices)
-        subject, other = "T. Chan's block circulant has the eigenvalue", LAST_RESORT
+        subject = "T. Chan's block circulant has the eigenvalue"
+        other = LAST_RESORT + advise_of_negative(float(A.diagonal().real.max()))
         require_positive(eigenvalues, dtype, subject, other)
     else:
         sizes = xp.linalg.svdvals(matrices)
