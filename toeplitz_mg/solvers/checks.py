@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.ranks import ranks_of
-from toeplitz_mg.engine.vectors import Vectors, power_above
+from toeplitz_mg.engine.vectors import VECTORS, Vectors, power_above
 from toeplitz_mg.operators.base import apply_to_rows, library_for
 from toeplitz_mg.values import count, is_foreign, real
 
@@ -341,8 +341,10 @@ def by_recurrence(
 ) -> tuple[Array, int, bool]:
     """Return what an iteration finds, how many there were, and whether the recurrence converged.
 
-    It is for those who compute the residual of the result themselves, and correct it.
+    It is for those who know that A, M and b, of NumPy, are right and of one dtype, and who compute
+    the residual of the result themselves, and correct it.
     """
-    state = iteration(check_system(A, b, None, M, rtol, 0.0, maxiter, residuals))
+    residuals = [] if residuals is None else residuals
+    state = iteration(System(A, M, b, None, maxiter, residuals, b.dtype, VECTORS, None))
     converged = state.reach(state.goal(rtol, 0.0), maxiter, watch)
     return state.solution(), state.iterations, converged

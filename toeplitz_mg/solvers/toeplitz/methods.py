@@ -58,7 +58,6 @@ ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a 
 SHIFT = 1e-4
 # ‖b - A x‖/‖b‖ at which rounding may have stopped GMRES, and above which any x is corrected.
 ROUGH = 1e-6
-LEVINSON = "scipy.linalg.solve_toeplitz"  # The name of the method that is its recursion.
 
 
 @dataclass(frozen=True)
@@ -341,6 +340,12 @@ _gmres = partial(_iterate, "gmres", Space, ROUGH)
 
 # The table --------------------------------------------------------------------------------------
 
+RECURSION = Method(
+    "scipy.linalg.solve_toeplitz",
+    "few unknowns: n² compiled steps for each column",
+    is_for_levinson,
+    _recur,
+)
 METHODS = (
     Method(
         "substitution",
@@ -403,12 +408,7 @@ METHODS = (
         lambda s: not s.is_hermitian and is_for_gmres(s),
         lambda s: partial(_gmres, s.A, spectral_preconditioner(s.A), OF_GMRES),
     ),
-    Method(
-        LEVINSON,
-        "few unknowns: n² compiled steps for each column",
-        is_for_levinson,
-        _recur,
-    ),
+    RECURSION,
     Method(
         "trench",
         "no symbol: n² steps for all columns and corrections",

@@ -8,7 +8,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import norm
-from toeplitz_mg.solvers.toeplitz.methods import ACCEPTED, LEVINSON, METHODS, ROUGH, Method, Solve
+from toeplitz_mg.solvers.toeplitz.methods import ACCEPTED, METHODS, RECURSION, ROUGH, Method, Solve
 from toeplitz_mg.solvers.toeplitz.sizes import CORRECTED, GENERAL, LARGEST_DENSE, SHORT
 from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 
@@ -89,7 +89,7 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Foun
             continue
         names.add(method.name)
         try:
-            attempt = _correct(method, method.make(system), system, rtol)
+            attempt = solve_and_correct(method, system, rtol)
         except np.linalg.LinAlgError as refused:
             tried += f"; {method.name} fails: {refused}"
             continue
@@ -113,9 +113,15 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Foun
     raise np.linalg.LinAlgError(reason + tried)
 
 
-def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float | None) -> Attempt:
-    """Solve, and correct the solution by that of its residual while this helps."""
-    sizes = system.sizes
+def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None) -> Attempt:
+    """Solve by a method, and correct the solution by that of its residual while this helps.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        Where the method is refused, or x so large that nothing is known of it.
+    """
+    solve, sizes = method.make(system), system.sizes
     goal = RTOL if rtol is None else rtol
     X, iterations = solve(system.B, 0.9 * goal)  # The recurrence of CG may drift.
     best, info, least = X, SolveInfo(method.name, iterations, inf, inf), inf
@@ -146,10 +152,10 @@ def _correct(method: Method, solve: Solve, system: ToeplitzSystem, rtol: float |
             break  # A correction that has made the residual larger is lost.
         best, least, least_noise, reached = X, error, noise, residual
         info = SolveInfo(method.name, iterations, max(residual, rounding), backward_error)
-        if is_done := is_enough(system, residual, error, rtol, method.name == LEVINSON):
+        if is_done := _is_enough(method, system, residual, error, rtol):
             break
         # Each column is as good as can be, by one error or by the other.
-        if not left or np.all(errors <= np.maximum(goal * sizes, ROUNDING * terms)):
+        if not (left and _largest((errors > goal * sizes) & (errors > ROUNDING * terms))):
             break
         correction, steps = solve(R, CORRECTION)
         X = X + correction
@@ -187,8 +193,8 @@ def _changes(system: ToeplitzSystem, solve: Solve, X: Rows) -> float:
     return _largest(np.array(changes))
 
 
-def is_enough(
-    system: ToeplitzSystem, residual: float, error: float, rtol: float | None, is_levinson: bool
+def _is_enough(
+    method: Method, system: ToeplitzSystem, residual: float, error: float, rtol: float | None
 ) -> bool:
     """Whether a solution with this residual and this backward error needs no correction.
 
@@ -198,14 +204,14 @@ def is_enough(
     if residual <= (RTOL if rtol is None else rtol):
         return True
     is_small = system.n <= CORRECTED
-    if rtol is not None or not is_levinson or (is_small and system.may_be_definite):
+    if rtol is not None or method is not RECURSION or (is_small and system.may_be_definite):
         return False
     return error <= ACCEPTED and residual <= (ILL_CONDITIONED if is_small else ROUGH)
 
 
 def _largest(values: Array | float) -> float:
-    """Return the largest of these numbers, NaN where one is."""
-    return values if type(values) is float else float(np.max(values))
+    """Return the largest of these numbers, NaN where one is; of truths, whether one is true."""
+    return float(values.max()) if isinstance(values, np.ndarray) else values
 
 
 def _measure_sharply(
@@ -216,11 +222,11 @@ def _measure_sharply(
     Where the largest coefficients meet the smallest unknowns only, the residuals R by transforms
     are too rough, with their norms, and what they can be at most, the given terms, is no limit.
     """
-    few = UNEVEN * terms
     if system.n > LARGEST_DENSE:
         return R, errors, terms
-    sharp = np.fmin(terms, system.sizes_of_terms(X))
-    if not np.any(sharp < few):
-        return R, errors, terms
-    R = system.B - system.multiply_sharply(X)
-    return R, system.measure(R), sharp
+    with np.errstate(all="ignore"):  # What over- or underflows is seen in the residual.
+        sharp = system.sizes_of_terms(X)
+        if not _largest(sharp < UNEVEN * terms):
+            return R, errors, terms
+        R = system.B - system.multiply_sharply(X)
+        return R, system.measure(R), np.fmin(terms, sharp)

@@ -12,22 +12,19 @@ from scipy.sparse import issparse
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Rows
-from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.ranks import is_serial
-from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.solvers.checks import check_numbers
-from toeplitz_mg.solvers.toeplitz.levinson import is_faster_at_once, levinson, solve_at_once
-from toeplitz_mg.solvers.toeplitz.methods import LEVINSON, METHODS, Method
+from toeplitz_mg.solvers.toeplitz.levinson import is_faster_at_once, solve_at_once
+from toeplitz_mg.solvers.toeplitz.methods import METHODS, RECURSION, Method
 from toeplitz_mg.solvers.toeplitz.refinement import (
     GOOD,
     ILL_CONDITIONED,
     ROUNDING,
     RTOL,
     SINGULAR,
-    UNEVEN,
     Found,
     SolveInfo,
-    is_enough,
+    solve_and_correct,
     solve_system,
 )
 from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
@@ -263,31 +260,14 @@ def _solve_short(
         return None
     if not c.dtype == r.dtype == b.dtype or not isfinite(r[0]):
         return None
-    system, size = ToeplitzSystem(c, r, np.ascontiguousarray(b)), norm(b)
+    system = ToeplitzSystem(c, r, np.ascontiguousarray(b))
     if not system.is_of_usual_size or min(system.widths) == 0:
         return None
-    X, R = np.zeros_like(system.B), system.B
-    for iterations in (1, 2):
-        try:
-            X = X + levinson(system.lags, R)
-        except np.linalg.LinAlgError:
-            return None
-        R = system.B - system.multiply(X)
-        error, terms = norm(R), system.size * norm(X)
-        if not 2.0 * EPS * terms <= ILL_CONDITIONED * size:
-            return None  # The residual may be rounding.
-        residual, rounding = error / size, float(system.rounding_of(terms)) / size
-        info = SolveInfo(LEVINSON, iterations, max(residual, rounding), error / (terms + size))
-        if residual <= (RTOL if rtol is None else rtol):
-            return X, info
-        if system.sizes_of_terms(X) < UNEVEN * terms:
-            return None  # What rounding is relative to may be less than these terms.
-        if residual > ILL_CONDITIONED:
-            continue
-        is_rounding = info.backward_error <= ROUNDING
-        if is_rounding or is_enough(system, residual, info.backward_error, rtol, is_levinson=True):
-            return X, info
-    return None
+    try:
+        X, found, is_good, _ = solve_and_correct(RECURSION, system, rtol)
+    except np.linalg.LinAlgError:
+        return None
+    return (X, found.info) if is_good and not found.is_doubtful else None
 
 
 def _solve_batch(

@@ -220,12 +220,9 @@ class ToeplitzSystem:
         Where the largest coefficients meet small numbers only, it is far below ‖a‖₁ ‖x‖.
         """
         squares = np.square(np.abs(X))
-        heads = np.sqrt(np.cumsum(squares, axis=-1))
-        tails = np.sqrt(np.cumsum(squares[..., ::-1], axis=-1))
-        n = self.n
-        sizes = heads @ np.abs(self.lags[::-1][:n]) + tails[..., : n - 1] @ np.abs(
-            self.lags[: n - 1]
-        )
+        heads, tails = np.sqrt(squares.cumsum(-1)), np.sqrt(squares[..., ::-1].cumsum(-1))
+        of_lags, n = np.abs(self.lags), self.n
+        sizes = heads @ of_lags[n - 1 :][::-1] + tails[..., : n - 1] @ of_lags[: n - 1]
         return float(sizes) if X.ndim == 1 else self._join(sizes)
 
     def rounding_of(self, terms: Array | float) -> Array | float:
