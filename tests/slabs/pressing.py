@@ -110,6 +110,26 @@ def test_doubts_are_told_on_every_rank(comm):
     assert told[0].filename == __file__
 
 
+def test_a_progress_that_raises_on_one_rank_does_on_all(comm):
+    """Also in a window of which every rank has all."""
+    gap, element, force = surface("sphere", 40)
+    slab, is_last = slabs.Slab(comm, gap.shape), comm.rank == comm.size - 1
+
+    def stop(products, residual):
+        raise LookupError("enough")
+
+    bound, moved = np.full(slab.local, 9.0), {"longitudinal": 1e-3, "steps": 1}
+    for solve in (
+        partial(slabs.normal_contact, gap[slab.rows], slab, element, force=force),
+        partial(slabs.friction, bound, slab, element, force=(0.1, 0.0)),
+        lambda **case: next(slabs.rolling_steps(bound, slab, element, **moved, **case)),
+    ):
+        with pytest.raises(LookupError if is_last else RuntimeError, match="enough"):
+            solve(material=STEEL, progress=stop if is_last else None)
+        wrong = partial(solve, material=STEEL, progress=3 if is_last else None)
+        refuses(comm, TypeError, "progress is 3, but must be a function", wrong)
+
+
 def test_only_small_grids_are_gathered(comm):
     """As those within, on which every rank solves alone."""
     sizes = []

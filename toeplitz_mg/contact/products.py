@@ -10,6 +10,7 @@ from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Progress
+from toeplitz_mg.engine.ranks import ranks_of
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import ProductCount
 from toeplitz_mg.operators import apply_to_rows
@@ -79,7 +80,8 @@ class Products:
         memory = None if out is None else reshape(out, (-1,))
         product = reshape(apply_to_rows(A, reshape(x, (-1,)), memory), x.shape)
         if self.progress is not None and self.residual < inf:
-            self.progress(self.count, self.residual)
+            with ranks_of(self.A).agree():  # Where it raises in one process, all raise an error.
+                self.progress(self.count, self.residual)
         return product
 
 

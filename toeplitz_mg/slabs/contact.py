@@ -5,6 +5,7 @@ few elements is solved by every rank alone.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -15,6 +16,7 @@ from toeplitz_mg.contact.checks import check_pressed, read_bound, require_presse
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
 from toeplitz_mg.slabs.grid import SlabGrid
+from toeplitz_mg.slabs.messages import SharedProgress
 from toeplitz_mg.slabs.slab import Slab, require_slab
 from toeplitz_mg.values import field
 
@@ -184,6 +186,7 @@ def _on_rows(
 ) -> Any:
     """Call a function of `contact` with a grid in slabs; what it cannot take all ranks refuse."""
     require_slab(slab)
+    progress = given.get("progress")
     with slab.agree() as same:
         for other in given:
             if other not in names:
@@ -205,7 +208,25 @@ def _on_rows(
         whole = Grid.of(slab.shape, element, material, None)
         same["element"], same["material"] = whole.element, whole.material
     grid = SlabGrid.of_rows(whole, slab)
-    return function(element=grid, material=material, **{name: rows}, **given)
+    solve = partial(function, element=grid, material=material, **{name: rows})
+    if not any(slab.gather(progress is not None)):
+        return solve(**given)
+    shared = SharedProgress(slab, progress)
+    if progress is None or callable(progress):  # What is no function is refused below.
+        given = {**given, "progress": shared}
+    with shared.heard():
+        found = solve(**given)
+    return found if isinstance(found, TangentialResult | NormalResult) else _hear(found, shared)
+
+
+def _hear(results: Iterator[Any], shared: SharedProgress) -> Iterator[Any]:
+    """Yield results one after the other, each when all ranks have it."""
+    while True:
+        with shared.heard():
+            result = next(results, None)
+        if result is None:
+            return
+        yield result
 
 
 def _read_bound(

@@ -39,6 +39,8 @@ class Messages(Ranks):
         As ``MPI.COMM_WORLD``.
     """
 
+    agreeing = 0  # In how many `agree` this process is, with ranks of any communicator.
+
     def __init__(self, comm: Any) -> None:
         self.comm = _check(comm)
 
@@ -52,10 +54,13 @@ class Messages(Ranks):
         """
         same: dict[str, Any] = {}
         refusal: Exception | None = None
+        Messages.agreeing += 1
         try:
             yield same
         except Exception as error:
             refusal = error
+        finally:
+            Messages.agreeing -= 1
         told = self.comm.allgather((*_name_kind(refusal), same))
         for rank, (kind, text, _) in enumerate(told):
             if kind is not None:
@@ -140,6 +145,43 @@ class Messages(Ranks):
     def swap(self, sent: list[Any], got: list[Any]) -> None:
         """Send each rank some numbers of an array, and put those of each rank into another."""
         self.comm.Alltoallv(sent, got)
+
+
+class SharedProgress:
+    """A `progress` of contact; an error that it raises on one rank all ranks raise.
+
+    They agree on it after each product that they make together. On a grid of which each rank has
+    all, none waits for another: there an error is kept until they do.
+    """
+
+    def __init__(self, ranks: Messages, progress: Callback) -> None:
+        self._ranks, self._progress = ranks, progress
+        self._error: Exception | None = None
+
+    def __call__(self, *arguments: Any) -> None:
+        """Tell of a product, by itself or with ranks that agree."""
+        try:
+            if self._progress is not None and self._error is None:
+                self._progress(*arguments)
+        except Exception as error:
+            self._error = error
+        if Messages.agreeing:
+            self._raise()
+
+    @contextmanager
+    def heard(self) -> Iterator[None]:
+        """Solve a problem, of which all ranks raise an error: on the rank of that it is its own."""
+        try:
+            yield
+            with self._ranks.agree():
+                self._raise()
+        except Exception:
+            self._raise()
+            raise
+
+    def _raise(self) -> None:
+        if self._error is not None:
+            raise self._error
 
 
 def _name_kind(refusal: Exception | None) -> tuple[type[Exception] | None, str]:
