@@ -190,10 +190,6 @@ class Grid:
         """Return how long the edge of some elements is (see `traits.fragmentation`)."""
         return fragmentation(self.library.to_numpy(C))
 
-    def normal_coefficients(self) -> Array:
-        """Return the first column of the matrix of normal contact, in the shape of the grid."""
-        return quadrant("zz", self.shape, self.element, self.material, self.reference)
-
     @keep
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
         """Return the matrix of the normal displacements by the pressures, scaled (Eq. 6-7).
@@ -202,7 +198,7 @@ class Grid:
         """
         if any(self.periodic):
             return self._waves.normal()
-        c = self.normal_coefficients()
+        c = quadrant("zz", self.shape, self.element, self.material, self.reference)
         unit = float(c.flat[0])
         c /= unit
         return ToeplitzOperator(self.library.from_numpy(c)), unit

@@ -19,6 +19,9 @@ from toeplitz_mg.operators.base import vectors_of
 LOST = 1e-6  # Error of a product in single precision, over the largest of its result.
 SMALL = 0.1  # Part of what may be lost that one product may lose, as several follow.
 
+# Matrices of small grids are kept for the next problem, and those in single precision with them.
+_singles: WeakKeyDictionary[LinearOperator, LinearOperator] = WeakKeyDictionary()
+
 
 class Products:
     """Products of an operator with fields of any shape, in the precision of the field.
@@ -55,7 +58,10 @@ class Products:
 
     @cached_property
     def _single(self) -> LinearOperator:
-        return _in_single_precision(self.A)
+        if self.A.dtype == np.float32:
+            return self.A  # No value is to refer to its own key.
+        single = _singles.get(self.A)
+        return _singles.setdefault(self.A, self.A.astype(np.float32)) if single is None else single
 
     def units(self, work: ProductCount) -> float:
         """Return the work of all ranks in such products, where each has counted its own."""
@@ -141,19 +147,6 @@ class Displacements:
         du = largest * self._K((dq / largest).astype(np.float32))
         self.u = self.u + du
         self.lost += LOST * self._K.vectors.max(np.abs(du))
-
-
-# Matrices of small grids are kept for the next problem, and this is kept with them.
-_singles: WeakKeyDictionary[LinearOperator, LinearOperator] = WeakKeyDictionary()
-
-
-def _in_single_precision(A: LinearOperator) -> LinearOperator:
-    if A.dtype == np.float32:
-        return A  # No value is to refer to its own key.
-    single = _singles.get(A)
-    if single is None:
-        single = _singles.setdefault(A, A.astype(np.float32))
-    return single
 
 
 def for_coarser_grids(progress: Progress | None) -> Progress | None:

@@ -28,19 +28,21 @@ from toeplitz_mg.contact.checks import (
 )
 from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
-from toeplitz_mg.contact.inverse import Inverse
+from toeplitz_mg.contact.inverse import invert_on
 from toeplitz_mg.contact.normal.search import Search
 from toeplitz_mg.contact.normal.starts import Known, State, predict, solve
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, check_converged
 from toeplitz_mg.contact.results.base import touches_edge
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
-from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.values import field, refuse_masked
 
-REDUCTION = 1e-4  # Of the residual of the stiffness, whose own error is about its square.
-MOST = 200  # Iterations for the stiffness, after which rounding keeps them from the rest.
+# Of the stiffness, whose error is about the square of the residual; most iterations, after which
+# rounding keeps them from the rest.
+ACCURATE: dict[str, Any] = {"rtol": 1e-4, "maxiter": 200}
 LEAP = 2.0  # Factor between two loads from which the pressures of one are no guess of the other.
 
 
@@ -323,23 +325,13 @@ def find_stiffness(grid: Grid, C: Array) -> float:
     if grid.has_free_mean and touching == prod(grid.shape):
         return np.inf  # A mean pressure moves nothing.
     A, unit = grid.scaled_normal()
-    M = Inverse(grid, A)
-    M.fit(C, is_near=True)
-    products, r = Products(A, MOST), C.astype(M.dtype)
-    x = np.zeros_like(r)
-    iteration = ConjugateGradients(
-        lambda d, out: np.multiply(products(d, out), C, out=out),
-        lambda r, out: np.multiply(M(r), C, out=out),
-        vectors,
-    )
-    while not products.exhausted and vectors.max(np.abs(r)) > REDUCTION:
-        length = iteration.step(r)
-        if length == 0.0:
-            break
-        x = vectors.axpy(length, iteration.direction, x)
-        r = vectors.axpy(-length, iteration.product, r)
-    y = x.astype(np.float64)
-    return (2.0 * vectors.sum(y) - vectors.dot(y, products(y))) * grid.area / unit
+    ones = np.ones(np.count_nonzero(C), np.float32)
+    M = invert_on(grid, A, C)
+    x, _ = cg(grid.restrict(A, C).astype(M.dtype), ones.astype(M.dtype), M=M, **ACCURATE)
+    y = np.zeros(C.shape)
+    y[C] = x
+    u = apply_to_rows(A, y.reshape(-1)).reshape(y.shape)
+    return (2.0 * vectors.sum(y) - vectors.dot(y, u)) * grid.area / unit
 
 
 def load_curve(

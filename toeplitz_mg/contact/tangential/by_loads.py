@@ -59,7 +59,11 @@ def search_creepages(
     from scipy.optimize import brentq, root  # They are slow to import.
 
     vectors = problem.vectors
-    units, bound = slides or (_creepages_of_sliding(problem, loads, K), problem.g)
+    if slides is None:  # The slip displaces as much as the tractions of bodies that slide.
+        lengths = [vectors.max(size(unit)) for unit in loads.units]
+        yields = [vectors.max(size(K(problem.g * direction(unit)))) for unit in loads.units]
+        slides = np.array(yields) / lengths, problem.g
+    units, bound = slides
     carried = loads.carried(bound, vectors)
     best: tuple[State | None, Array, float] = state, creepages, np.inf
 
@@ -119,13 +123,6 @@ def _bracket(
             return (last if abs(beyond - first) > abs(last - first) else before), beyond
         before, last, step = last, last - sign * step, 2.0 * step
     return None
-
-
-def _creepages_of_sliding(problem: Problem, loads: Loads, K: Products) -> Array:
-    """Return each creepage whose slip displaces as much as the tractions of bodies that slide."""
-    largest = problem.vectors.max
-    yields = [largest(size(K(problem.g * direction(unit)))) for unit in loads.units]
-    return np.array(yields) / [largest(size(unit)) for unit in loads.units]
 
 
 def roll_by_creepages(

@@ -198,7 +198,8 @@ class Shifting:
             self.report,
         )
         products = Products(self.matrix, self.max_products)
-        if self.total is not None and self._slides(g):
+        # All that the bound carries, or more, lets all slide.
+        if self.total is not None and np.linalg.norm(self.total) >= g.sum() * (1.0 - SLIDES):
             state, slip = slide_off(problem, self.total, products)
         else:
             state, slip = self._solve(window, problem, products), None
@@ -224,12 +225,6 @@ class Shifting:
             guess = admit(problem, window.cut(self.q), window.cut(slide))
         state = solve_shifted(problem, loads, products, guess, nested=self.nested)
         return state if len(loads.wanted) else replace(state, shift=np.zeros(len(problem.b)))
-
-    def _slides(self, g: Array) -> bool:
-        """Whether the given force is all that a bound carries, or more."""
-        if self.total is None:
-            return False
-        return float(np.linalg.norm(self.total)) >= float(g.sum()) * (1.0 - SLIDES)
 
     def _fit(self, contact: Array) -> Window:
         """Return a window of all elements in contact: the last one, while that has them all."""

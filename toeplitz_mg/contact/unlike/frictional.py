@@ -412,7 +412,11 @@ def read_history(
     shape = (grid.components, *grid.shape)
     if previous is None:
         return Before(np.zeros(shape), 0.0, float(z.min())), None
-    before = check_state(previous, grid, shape)
+    if not isinstance(previous, FrictionalResult):
+        kind = type(previous).__name__
+        raise TypeError(f"previous is of type {kind}, but must be a FrictionalResult")
+    traction = check_previous(previous.tangential, grid, shape)
+    before = Before(traction, previous.normal.force, previous.normal.approach)
     return before, extrapolate(previous, before, approach, force).reshape(shape)
 
 
@@ -438,15 +442,6 @@ def place_bodies(
 def check_carried(force: Any, most: float, grid: Grid) -> Array:
     """Return the sum of the tractions that a tangential force needs, of at most `most`."""
     return check_force(force, most / grid.area, grid, name="tangential_force")[0]
-
-
-def check_state(previous: FrictionalResult, grid: Grid, shape: tuple[int, ...]) -> Before:
-    """Return the state before this step, or say why it is none of this grid."""
-    if not isinstance(previous, FrictionalResult):
-        kind = type(previous).__name__
-        raise TypeError(f"previous is of type {kind}, but must be a FrictionalResult")
-    traction = check_previous(previous.tangential, grid, shape)
-    return Before(traction, previous.normal.force, previous.normal.approach)
 
 
 def extrapolate(
