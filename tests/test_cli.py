@@ -278,13 +278,6 @@ def test_plots_need_matplotlib_and_say_so_before_the_work(monkeypatch, capsys, t
     assert_refused(status, "pip install 'toeplitz-mg[plot]'", capsys)
 
 
-@pytest.mark.parametrize("options", [[], ["--test", "3"]], ids=str)
-def test_plots(options, tmp_path, capsys):
-    assert main(["-n", "300", "--plot", str(tmp_path / "x.png"), *options]) == 0
-    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
-    assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
-
-
 def test_solves_and_plots_on_a_grid_of_two_axes(folder):
     np.save(folder / "c2.npy", contact(20, 30))
     np.save(folder / "b2.npy", np.ones((20, 30)))

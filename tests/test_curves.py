@@ -12,6 +12,7 @@ from toeplitz_mg.contact import Material, creep_curve, normal_contact, rolling, 
 BODY = Material.from_shear(0.7, 0.3)
 
 
+<<<<<<< HEAD
 def test_a_curve_is_carters():
     h = 2 * A / 400
     (x,) = surfaces.centres(440, h)
@@ -25,6 +26,8 @@ def test_a_curve_is_carters():
     assert curve.moment is None
 
 
+=======
+>>>>>>> 3d551e9 (Tests of contact: theorems that another test states are not stated twice)
 def test_points_of_a_curve_are_those_alone():
     g, alone = circle(24, (0.05, 0.02, 0.1))
     case = {"material": Material.from_shear(1.0, 0.25), "lateral": 0.02, "spin": 0.1}

@@ -427,6 +427,7 @@ def test_tiny_bounds_are_no_contact():
 
 
 @doubtful
+<<<<<<< HEAD
 def test_bounds_that_decay_far_below_rounding():
     material, element = Material(E=210000.0, nu=0.28), (0.05, 0.05)
     corner = np.full((3, 3), 30.0)
@@ -443,6 +444,8 @@ def test_bounds_that_decay_far_below_rounding():
 
 
 @doubtful
+=======
+>>>>>>> 3d551e9 (Tests of contact: theorems that another test states are not stated twice)
 @pytest.mark.parametrize(
     "decades",
     [

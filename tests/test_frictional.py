@@ -138,16 +138,6 @@ def test_all_that_friction_carries_slides():
     assert (along <= 1e-12).all()
 
 
-def test_shifts_add_up():
-    _, _, one = sphere(shift=(1e-3, 0.0))
-    _, _, two = sphere(shift=(0.0, 2e-3), previous=one)
-    _, _, three = sphere(tangential_force=two.tangential.force, previous=two)
-    assert_allclose(one.tangential.total_shift, (1e-3, 0.0))
-    assert_allclose(two.tangential.total_shift, (1e-3, 2e-3))
-    expected = np.array([1e-3, 2e-3]) + three.tangential.shift
-    assert_allclose(three.tangential.total_shift, expected)
-
-
 @doubtful
 @pytest.mark.parametrize("approach", [0.0625, 0.05, 0.1])
 def test_steps_at_the_same_approach_are_those_of_friction_where_materials_are_alike(approach):

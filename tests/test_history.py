@@ -62,16 +62,6 @@ def test_the_loop_of_mindlin_and_deresiewicz():
     assert_allclose(shifts[5:7], np.negative(shifts[2:4]), rtol=1e-6)
 
 
-def test_the_tractions_after_a_turn():
-    load = 0.288
-    pressed, top = press(load), 0.6 * MU * load
-    now = drag(pressed, 0.0, drag(pressed, top))
-    # Unloaded: slip the other way in a ring, and what stayed inside.
-    theory = -pressures(load) + 2.0 * pressures(load - 0.5 * top / MU) - pressures(load - top / MU)
-    assert np.linalg.norm(now.traction[0] - MU * theory) < 0.05 * np.linalg.norm(now.bound)
-    assert np.abs(now.force).max() < 1e-9
-
-
 def test_more_pressure_moves_nothing():
     first = drag(press(0.15), 0.5 * MU * 0.15)
     held = drag(press(0.288), 0.5 * MU * 0.15, first)

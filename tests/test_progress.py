@@ -112,9 +112,3 @@ def test_rolling_on_goes_on_counting():
     assert counts[-1] >= 200
     assert counts == sorted(counts)
     assert max(later - former for former, later in pairwise(counts)) <= 5
-
-
-@pytest.mark.parametrize("name", SOLVERS)
-def test_what_cannot_be_called_is_refused(name):
-    with pytest.raises(TypeError, match="progress is 3, but must be a function"):
-        SOLVERS[name](progress=3)
