@@ -211,6 +211,16 @@ def test_a_function_of_ones_own_may_have_derivatives():
     assert_allclose(k.fix("a").gradient(50), exact.gradient(50)[1:], atol=1e-9)
 
 
+@pytest.mark.parametrize("k", [*COMPOSED.values(), FractionalGaussianNoise(), ARFIMA()], ids=repr)
+def test_fewer_points_have_the_first_of_the_values(k):
+    axes = 2 if any("[1]" in name for name in k.names) else 1
+    values, gradient = k.values_and_gradient((40,) * axes)
+    for n in (1, 2, 5):
+        first, slopes = k.values_and_gradient((n,) * axes)
+        assert_allclose(first, values[(slice(n),) * axes], atol=1e-13 * values.max())
+        assert_allclose(slopes, gradient[(..., *(slice(n),) * axes)], atol=1e-12 * values.max())
+
+
 def test_arfima_without_integration_is_arma():
     ar, ma = [1.2, -0.5], [0.4, 0.2]
     values, gradient = ARFIMA(1.0, 0.0, ar, ma).values_and_gradient(300)

@@ -1,7 +1,7 @@
 """Autoregressive moving averages, and those of fractionally integrated noise."""
 
 from collections.abc import Sequence
-from decimal import Decimal, localcontext
+from decimal import Context, Decimal, localcontext
 from math import log
 from typing import Any, Self
 
@@ -12,11 +12,11 @@ from toeplitz_mg.covariances.base import Derivatives, Kernel, Lags, Parameter
 from toeplitz_mg.covariances.long_memory import fractional_difference
 
 DIGITS = 60  # Of the first covariances: beside a unit root the equations for them lose many.
-TAIL = 1e-18  # Size of the covariances of ARMA, in variances, from which a convolution ends.
-CLOSEST = 1.0 - 1e-5  # Size of a root from which the convolution would be too long.
+TAIL = 1e-18  # Covariances of ARMA below this part of their variance are not convolved.
+CLOSEST = 1.0 - 1e-5  # Largest root of zᵖ - φ₁ zᵖ⁻¹ - …: one beyond makes a convolution too long.
 
 
-class Moving(Kernel):
+class LinearProcess(Kernel):
     """A process with autoregressive and moving average coefficients."""
 
     def __init__(self, **given: Any) -> None:
@@ -30,18 +30,16 @@ class Moving(Kernel):
 
     def _check(self) -> None:
         """Refuse coefficients with a root in the unit circle."""
-        for group, sign, kind in (("ar", -1, "stationary"), ("ma", 1, "invertible")):
+        for group, sign, kind in (("ar", "-", "stationary"), ("ma", "+", "invertible")):
             values = self._values(group)
-            if not has_roots_outside([sign * value for value in values]):
-                letter = "-" if sign < 0 else "+"
+            if not has_roots_outside([float(f"{sign}1") * value for value in values]):
                 raise ValueError(
-                    f"{group} is {values}, but must be {kind}: the roots of the polynomial "
-                    f"1 {letter} {group}[0] z {letter} {group}[1] z² {letter} … must lie outside "
-                    "the unit circle"
+                    f"{group} is {values}, but must be {kind}: the roots of 1 {sign} {group}[0] z "
+                    f"{sign} {group}[1] z² {sign} … must lie outside the unit circle"
                 )
 
 
-class ARMA(Moving):
+class ARMA(LinearProcess):
     """An autoregressive moving average, φ(B) y = θ(B) e with white noise e of variance σ².
 
     y[k] = φ₁ y[k-1] + … + φ_p y[k-p] + e[k] + θ₁ e[k-1] + … + θ_q e[k-q], as in statsmodels.
@@ -90,7 +88,7 @@ class ARMA(Moving):
         return sigma2 * values, {name: sigma2 * by[name] for name in by} | {"sigma2": values}
 
 
-class ARFIMA(Moving):
+class ARFIMA(LinearProcess):
     """A fractionally integrated moving average, φ(B) (1 - B)ᵈ y = θ(B) e: long memory for d > 0.
 
     Parameters
@@ -136,11 +134,11 @@ class ARFIMA(Moving):
 
         n, (sigma2,), (d,) = lags.steps("ARFIMA"), self._values("sigma2"), self._values("d")
         ar, ma = self._values("ar"), self._values("ma")
-        radius = max(1e-9, *abs(np.roots([1.0, *np.negative(ar)])), 0.0)
+        radius = max([1e-9, *abs(np.roots([1.0, *np.negative(ar)]))])
         if radius > CLOSEST:
             raise ValueError(
                 f"ar is {ar}, but must have no root so close to the unit circle: the convolution "
-                "with the covariances of ARMA would have more than four million terms"
+                "with the covariances of ARMA would have millions of terms"
             )
         length = len(ma) + 1 + (int(1.2 * log(TAIL) / log(radius)) if ar else 0)
         short, by_short = arma(length, ar, ma, wanted)
@@ -162,7 +160,7 @@ class ARFIMA(Moving):
 
 def has_roots_outside(coefficients: Sequence[float]) -> bool:
     """Whether 1 + c₁ z + c₂ z² + … has its roots outside the unit circle, by Schur and Cohn."""
-    with localcontext(prec=DIGITS):
+    with localcontext(Context(prec=DIGITS)):
         c = [Decimal(value) for value in coefficients]
         while c:
             *c, last = c
@@ -184,7 +182,7 @@ def arma(
     size = max(p, q) + 1
     many = max(n, size + 1)
     right: Derivatives = {}  # The sums over i, or what is in their place in the derivatives.
-    with localcontext(prec=DIGITS):
+    with localcontext(Context(prec=DIGITS)):
         phi = [Decimal(1), *(-Decimal(c) for c in ar)]
         theta = [Decimal(1), *map(Decimal, ma)]
         inverse, psi = divide([Decimal(1)], phi, q + 1), divide(theta, phi, q + 1)

@@ -107,10 +107,14 @@ Derivatives = dict[str, Array]  # By the names of parameters.
 class Covariance:
     """A stationary covariance on a regular grid, with its parameters.
 
-    All covariances of `toeplitz_mg.covariances` are of this class. They are immutable. ``k + l``
-    and ``k * l`` are the covariances with the sum and the product of the values, ``2.0 * k`` is a
-    multiple. Parameters of the terms of a sum or of a product have the number of the term before
-    their names: ``"0.variance"``, ``"1.length"``; where a term is a sum itself, ``"0.1.length"``.
+    All covariances of `toeplitz_mg.covariances` are of this class. ``k(n)`` returns the covariances
+    at the lags 0, 1, …, n - 1, the first column of a Toeplitz matrix; ``k((n1, n2))`` those on a
+    grid. ``spacing=`` is the distance of two neighbours, or one for each axis, by default 1.
+
+    ``k + l`` and ``k * l`` are the covariances with the sum and the product of the values, and
+    ``2.0 * k`` is a multiple. In them the number of the term stands before the names of its
+    parameters: ``"0.variance"``, ``"1.length"``; where a term is a sum itself, ``"0.1.length"``.
+    Covariances are immutable.
 
     Attributes
     ----------
@@ -122,6 +126,11 @@ class Covariance:
         Their values.
     bounds : ndarray of shape (p, 2)
         The intervals in which they must lie, without their ends.
+
+    Raises
+    ------
+    ValueError
+        For a parameter outside of its bounds, or of a size below 1e-40 or above 1e40.
 
     See Also
     --------
@@ -232,33 +241,11 @@ class Covariance:
         )
 
     def __call__(self, n: Any, *, spacing: Any = 1.0) -> Array:
-        """Return the covariances at the lags of a grid: the first column of a Toeplitz matrix.
-
-        Parameters
-        ----------
-        n : int, or tuple of int
-            The number of points; for a grid that along each axis.
-        spacing : float, or tuple of float
-            The distance of two neighbours, for all axes or for each.
-
-        Returns
-        -------
-        ndarray of shape (n,) or (n1, n2, ...)
-        """
+        """Return the covariances at the lags of a grid: the first column of a Toeplitz matrix."""
         return self._evaluate(Lags(n, spacing), frozenset())[0]
 
     def gradient(self, n: Any, *, spacing: Any = 1.0) -> Array:
-        """Return the derivatives of the covariances by the free parameters.
-
-        Parameters
-        ----------
-        n, spacing
-            As of the covariances themselves.
-
-        Returns
-        -------
-        ndarray of shape (p, n) or (p, n1, n2, ...)
-        """
+        """Return the derivatives by the free parameters, as `values_and_gradient` does."""
         return self.values_and_gradient(n, spacing=spacing)[1]
 
     def values_and_gradient(self, n: Any, *, spacing: Any = 1.0) -> tuple[Array, Array]:
@@ -266,8 +253,10 @@ class Covariance:
 
         Parameters
         ----------
-        n, spacing
-            As of the covariances themselves.
+        n : int, or tuple of int
+            The number of points, on a grid along each axis.
+        spacing : float, or tuple of float
+            The distance of two neighbours, for all axes or for each.
 
         Returns
         -------
