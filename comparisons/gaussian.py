@@ -25,8 +25,9 @@ from comparisons.harness.inside import GohbergSemencul, schur_column
 from comparisons.harness.measuring import TOLERANCE, iterate, time_call
 from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
-from comparisons.systems.symbols import column, fractional_noise
+from comparisons.systems.symbols import column
 from toeplitz_mg._typing import Array
+from toeplitz_mg.covariances import FractionalGaussianNoise, Matern
 
 SIZES: tuple[int, ...] = tuple(2**k for k in (12, 14, 16, 18, 20))
 GAP_SIZES: tuple[int, ...] = tuple(2**k for k in (12, 15, 16))
@@ -39,21 +40,12 @@ TURNS = 3
 PROBES, STEPS = 10, 100  # Random vectors, and steps of Lanczos's method on each.
 
 
-def _noise(H: float, n: int) -> Array:
-    return fractional_noise(np.arange(n), H)
-
-
-def _matern(length: float, n: int) -> Array:
-    r = np.sqrt(3.0) * np.arange(n) / length
-    return (1 + r) * np.exp(-r)
-
-
 COVARIANCES: dict[str, Callable[[int], Array]] = {
-    "fGn, H = 0.3": partial(_noise, 0.3),
-    "fGn, H = 0.75": partial(_noise, 0.75),
-    "fGn, H = 0.99": partial(_noise, 0.99),
-    "Matérn 3/2, ℓ = 5": partial(_matern, 5.0),
-    "Matérn 3/2, ℓ = 20": partial(_matern, 20.0),
+    "fGn, H = 0.3": FractionalGaussianNoise(hurst=0.3),
+    "fGn, H = 0.75": FractionalGaussianNoise(hurst=0.75),
+    "fGn, H = 0.99": FractionalGaussianNoise(hurst=0.99),
+    "Matérn 3/2, ℓ = 5": Matern(length=5.0, nu=1.5),
+    "Matérn 3/2, ℓ = 20": Matern(length=20.0, nu=1.5),
 }
 NAMED = (
     *("fGn, H = 0.9", "(1+k)^-1.1", "cos k/(k+1)", "0.9^k", "exp(-k/1000)", "Gaussian", "contact"),

@@ -14,6 +14,7 @@ import numpy as np
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.covariances import FractionalGaussianNoise
 from toeplitz_mg.paper.problems import test1
 
 Column = Callable[[int], Array]  # Returns the first column of a length.
@@ -62,20 +63,6 @@ def _wide_gaussian(n: int) -> Array:
     return _of_lags(lambda k: np.exp(-((4 * k / n) ** 2) / 2), 1e-6)(n)
 
 
-def fractional_noise(k: Array, H: float) -> Array:
-    """Return the covariance of fractional Gaussian noise at lags, of integers from 0 on.
-
-    It is a second difference of k²ᴴ/2, whose digits cancel for lags in the thousands: so it is
-    computed from log (1 ± 1/k) = s ± d.
-    """
-    c = np.where(k == 0, 1.0, 4.0**H / 2 - 1.0)
-    far = k >= 2
-    k = k[far].astype(float)
-    s, d = 0.5 * np.log1p(-(k**-2)), np.arctanh(1.0 / k)
-    c[far] = k ** (2 * H) * (np.expm1(2 * H * s) * np.cosh(2 * H * d) + 2 * np.sinh(H * d) ** 2)
-    return c
-
-
 def _contact(n: int) -> Array:
     problem = test1(n)
     return problem.A.c * problem.material.G
@@ -90,7 +77,7 @@ COLUMNS: dict[str, Column] = {
     "exp(-k/1000)": _of_lags(lambda k: np.exp(-k / 1000)),
     "Matérn 3/2": _of_lags(_matern, 1e-8),
     "Gaussian": _of_lags(lambda k: np.exp(-((k / 10) ** 2) / 2), 1e-4),
-    "fGn, H = 0.9": _of_lags(lambda k: fractional_noise(k, 0.9)),
+    "fGn, H = 0.9": FractionalGaussianNoise(hurst=0.9),
     "contact": _contact,
     "|θ|": _of_symbol(lambda t: t),
     "|θ|^1.5": _of_symbol(lambda t: t**1.5),

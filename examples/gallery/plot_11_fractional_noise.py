@@ -7,31 +7,17 @@ likelihoods and gradients, in O(n log n) each.
 """
 
 # %%
-# The covariance, and its derivative by H.
+# The covariance, with derivatives by its variance and by the Hurst exponent H.
 import matplotlib.pyplot as plt
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit, logit
 
 import toeplitz_mg as tmg
-
-
-def covariance(n, H):
-    """Return the covariance of fractional Gaussian noise, and its derivative by H.
-
-    A second difference of k²ᴴ/2, whose digits cancel for lags in the thousands: so it is computed
-    from log (1 ± 1/k) = s ± d.
-    """
-    k = np.arange(2.0, n)
-    s, d = 0.5 * np.log1p(-(k**-2)), np.arctanh(1.0 / k)
-    power, cosh, sinh = k ** (2 * H), np.cosh(2 * H * d), np.sinh(2 * H * d)
-    c = power * (np.expm1(2 * H * s) * cosh + 2.0 * np.sinh(H * d) ** 2)
-    by_H = 2.0 * np.log(k) * c + 2.0 * power * np.exp(2 * H * s) * (s * cosh + d * sinh)
-    return np.r_[1.0, 4.0**H / 2 - 1.0, c], np.r_[0.0, np.log(2.0) * 4.0**H, by_H]
-
+from toeplitz_mg.covariances import FractionalGaussianNoise
 
 n, H = 1_000_000, 0.8
-y = tmg.ToeplitzNormal(2.0 * covariance(n, H)[0]).rvs(random_state=0)
+y = tmg.ToeplitzNormal(FractionalGaussianNoise(2.0, H)(n)).rvs(random_state=0)
 
 
 # %%
@@ -40,9 +26,9 @@ y = tmg.ToeplitzNormal(2.0 * covariance(n, H)[0]).rvs(random_state=0)
 def negative(parameters, y):
     """Return minus the logarithm of the likelihood over n, and its gradient."""
     variance, H = np.exp(parameters[0]), expit(parameters[1])
-    c, by_H = covariance(len(y), H)
-    value, by_c, _ = tmg.ToeplitzNormal(variance * c).logpdf_and_grad(y)
-    return -value / len(y), -variance * np.array([by_c @ c, by_c @ by_H * H * (1 - H)]) / len(y)
+    c, by_theta = FractionalGaussianNoise(variance, H).values_and_gradient(len(y))
+    value, by_c, _ = tmg.ToeplitzNormal(c).logpdf_and_grad(y)
+    return -value / len(y), -np.array([variance, H * (1 - H)]) * (by_theta @ by_c) / len(y)
 
 
 # %%

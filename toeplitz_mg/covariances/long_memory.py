@@ -16,7 +16,7 @@ TERMS = 24, 8  # Their terms, of which the next would be below rounding.
 class FractionalGaussianNoise(Kernel):
     """Fractional Gaussian noise, the increments of fractional Brownian motion.
 
-    The covariances are σ²/2 (|k + 1|²ᴴ - 2 |k|²ᴴ + |k - 1|²ᴴ) at the lag of k steps.
+    At the lag of k steps the covariance is ``σ²/2 (|k + 1|²ᴴ - 2 |k|²ᴴ + |k - 1|²ᴴ)``.
 
     Parameters
     ----------
