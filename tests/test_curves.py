@@ -12,22 +12,6 @@ from toeplitz_mg.contact import Material, creep_curve, normal_contact, rolling, 
 BODY = Material.from_shear(0.7, 0.3)
 
 
-<<<<<<< HEAD
-def test_a_curve_is_carters():
-    h = 2 * A / 400
-    (x,) = surfaces.centres(440, h)
-    g = MU * A / 2 * semi_ellipse(x, A)
-    part = np.array([0.0, 0.2, 0.6, 1.0, 1.5])  # Creepage over that at which all slides.
-    curve = creep_curve(bound=g, element=h, material=BODY, longitudinal=-MU * A * part)
-    carried = g.sum() * h
-    assert_allclose(curve.force / carried, 1 - np.maximum(0, 1 - part) ** 2, atol=0.005)
-    assert_allclose(curve.stick_share, np.maximum(0, 1 - part), atol=0.01)
-    assert_allclose(curve.power, MU * A * part * curve.force, rtol=1e-12)
-    assert curve.moment is None
-
-
-=======
->>>>>>> 3d551e9 (Tests of contact: theorems that another test states are not stated twice)
 def test_points_of_a_curve_are_those_alone():
     g, alone = circle(24, (0.05, 0.02, 0.1))
     case = {"material": Material.from_shear(1.0, 0.25), "lateral": 0.02, "spin": 0.1}

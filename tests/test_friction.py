@@ -427,25 +427,6 @@ def test_tiny_bounds_are_no_contact():
 
 
 @doubtful
-<<<<<<< HEAD
-def test_bounds_that_decay_far_below_rounding():
-    material, element = Material(E=210000.0, nu=0.28), (0.05, 0.05)
-    corner = np.full((3, 3), 30.0)
-    corner[2, 2] = 1e-16
-    assert_coulomb(
-        friction(bound=corner, element=element, material=material, force=(0.2, 0.1)), material
-    )
-    x, y = surfaces.centres((24, 24), element)
-    g = 300.0 * np.exp(-(x**2 + y**2) / 0.1**2)
-    force = 0.5 * 0.05**2 * g.sum()
-    assert_coulomb(
-        friction(bound=g, element=element, material=material, force=(force, 0.2 * force)), material
-    )
-
-
-@doubtful
-=======
->>>>>>> 3d551e9 (Tests of contact: theorems that another test states are not stated twice)
 @pytest.mark.parametrize(
     "decades",
     [

@@ -373,20 +373,7 @@ def test_a_normal_result_has_the_bound_the_elements_and_the_material():
         assert_array_equal(curve.force, expected.force)
 
 
-<<<<<<< HEAD
-@doubtful
-def test_refuses_a_normal_result_that_does_not_do():
-    gap, steel = surfaces.cylinder(32, 0.1, radius=10.0), Material.from_shear(1.0, 0.3)
-    pressed = normal_contact(gap, 0.1, material=steel, force=0.01)
-    with pytest.raises(TypeError, match="mu is not given"):
-        rolling(pressed, longitudinal=1e-3)
-    with pytest.raises(TypeError, match="element is given, but a normal result has its own"):
-        rolling(pressed, 0.1, mu=0.3, longitudinal=1e-3)
-    with pytest.raises(TypeError, match="material is not given"):
-        rolling(bound=np.ones(4), element=0.1, longitudinal=1e-3)
-=======
 def test_surfaces_that_repeat_do_not_roll():
->>>>>>> 3d551e9 (Tests of contact: theorems that another test states are not stated twice)
     wave = np.cos(2.0 * np.pi * np.arange(32) / 32)
     steel = Material.from_shear(1.0, 0.3)
     repeats = normal_contact(wave, 0.1, material=steel, force=0.5, periodic=True)
