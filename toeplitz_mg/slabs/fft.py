@@ -1,7 +1,6 @@
 """The FFT preconditioner M on slabs: the symbol is inverted, and transformed back."""
 
 from collections.abc import Sequence
-from functools import partial
 from math import prod
 from typing import Any, cast
 
@@ -24,33 +23,8 @@ def _invert_coupled(A: CoupledOperator, dtype: np.dtype[Any]) -> CoupledOperator
     return CoupledOperator(blocks)
 
 
-@partial(restricted, of_coupled=_invert_coupled)
-def fft_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
-    """Return M, the paper's FFT preconditioner (see `toeplitz_mg.fft_preconditioner`).
-
-    Parameters
-    ----------
-    A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
-        Even along each axis; of coupled components symmetric, its blocks even or odd. Cosine and
-        sine transforms treat each component by itself.
-    dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default.
-
-    Returns
-    -------
-    SlabOperator
-        Of this rank's rows, symmetric positive definite, for `toeplitz_mg.cg`.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError, ValueError, TypeError
-        What `toeplitz_mg.fft_preconditioner` refuses on one machine, on all ranks.
-
-    See Also
-    --------
-    toeplitz_mg.fft_preconditioner : on one machine.
-    fsai_preconditioner : moves far fewer bytes.
-    """
+def _invert_toeplitz(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
+    """Return M of one component: the inverse of a circulant, cut to the grid."""
     grid = _grid_of(A)
     is_longer = is_continued(grid)
     lengths = [2 * near_fast_length(n) if is_longer else 2 * n - 1 for n in grid]
@@ -131,3 +105,6 @@ def _signs(A: CoupledOperator) -> list[Parity]:
                     "their components: use cosine_preconditioner(A) or fsai_preconditioner(A)"
                 )
     return signs
+
+
+fft_preconditioner = restricted("fft_preconditioner", _invert_toeplitz, _invert_coupled)

@@ -39,7 +39,7 @@ class Messages(Ranks):
         As ``MPI.COMM_WORLD``.
     """
 
-    agreeing = 0  # In how many `agree` this process is, with ranks of any communicator.
+    _agreeing = 0  # In how many `agree` this process is, with ranks of any communicator.
 
     def __init__(self, comm: Any) -> None:
         self.comm = _check(comm)
@@ -54,13 +54,13 @@ class Messages(Ranks):
         """
         same: dict[str, Any] = {}
         refusal: Exception | None = None
-        Messages.agreeing += 1
+        Messages._agreeing += 1
         try:
             yield same
         except Exception as error:
             refusal = error
         finally:
-            Messages.agreeing -= 1
+            Messages._agreeing -= 1
         told = self.comm.allgather((*_name_kind(refusal), same))
         for rank, (kind, text, _) in enumerate(told):
             if kind is not None:
@@ -165,7 +165,7 @@ class SharedProgress:
                 self._progress(*arguments)
         except Exception as error:
             self._error = error
-        if Messages.agreeing:
+        if Messages._agreeing:
             self._raise()
 
     @contextmanager

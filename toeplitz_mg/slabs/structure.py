@@ -1,7 +1,6 @@
 """Masks and components on slabs: preconditioners of the parts alone (see `operators.lifting`)."""
 
 from collections.abc import Callable
-from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,33 @@ from toeplitz_mg.slabs.coupled import CoupledOperator
 from toeplitz_mg.slabs.operators import MaskedOperator, SlabOperator, ToeplitzOperator
 
 Make = Callable[[ToeplitzOperator, np.dtype[Any]], SlabOperator]
-NAMES = "__module__", "__name__", "__qualname__"
 ROBUST = "fsai_preconditioner(A), or cg without M"
+DOC = """{summary}, on slabs (see `toeplitz_mg.{name}`).
+
+Parameters
+----------
+A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
+    Even along each axis. Components have to be coupled symmetrically: M takes those whose blocks
+    are even or odd along each axis; cosine and sine transforms treat each component by itself.
+dtype : float32 or float64, optional
+    The precision in which it is kept and applied, that of `A` by default.
+
+Returns
+-------
+SlabOperator
+    Of this rank's rows, symmetric positive definite, for `toeplitz_mg.cg`. Cosine and sine
+    transforms move half the bytes of M.
+
+Raises
+------
+numpy.linalg.LinAlgError, ValueError, TypeError
+    What `toeplitz_mg.{name}` refuses on one machine, on all ranks.
+
+See Also
+--------
+toeplitz_mg.{name} : on one machine.
+fsai_preconditioner : moves far fewer bytes.
+"""
 
 
 def unwrap(A: Any) -> Any:
@@ -28,11 +52,13 @@ def unwrap(A: Any) -> Any:
     return full
 
 
-def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator]:
+def restricted(name: str, make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator]:
     """Return the preconditioner that takes masks and components too.
 
     Parameters
     ----------
+    name : str
+        Of the function that does the same on one machine.
     make : callable
         A function of an even `ToeplitzOperator` and of the precision of the result. On a mask the
         preconditioner is the restriction of that of the whole grid; of coupled components it
@@ -40,36 +66,39 @@ def restricted(make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator
     of_coupled : callable, optional
         The function of a `CoupledOperator` in the place of that.
     """
+    serial = getattr(preconditioners, name)
 
-    @wraps(make, (*NAMES, "__doc__"))
+    def of_block(A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
+        if A is None or not A.is_even:
+            raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
+        dtype = precision(A, dtype)
+        if not (A.slab.is_line and A.slab.comm.size == 1):
+            return make(A, dtype)
+        M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
+        M.product = serial(A.product, dtype=dtype)
+        return M
+
     def preconditioner(A: SlabOperator, *, dtype: DTypeLike | None = None) -> SlabOperator:
         full = unwrap(A)
         with full.slab.agree() as same:
-            same["the preconditioner"], same["A"] = make.__name__, A.kind
-        if isinstance(full, CoupledOperator):
-            full.check_symmetric()
+            same["the preconditioner"], same["A"] = name, A.kind
         M: SlabOperator
-        if of_coupled is not None and isinstance(full, CoupledOperator):
-            M = of_coupled(full, precision(full, dtype))
+        if isinstance(full, ToeplitzOperator):
+            M = of_block(full, dtype)
         else:
-            parts = [_make(make, row[i], dtype) for i, row in enumerate(full.blocks)]
-            M = BlockDiagonal(parts) if isinstance(full, CoupledOperator) else parts[0]
-        M.made_by = make.__name__
+            full.check_symmetric()
+            if of_coupled is not None:
+                M = of_coupled(full, precision(full, dtype))
+            else:
+                M = BlockDiagonal([of_block(row[i], dtype) for i, row in enumerate(full.blocks)])
+        M.made_by = name
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
 
-    del preconditioner.__wrapped__  # Its signature is another one.
+    summary = (serial.__doc__ or "").split("\n")[0].rstrip(".")
+    preconditioner.__doc__ = DOC.format(summary=summary, name=name)
+    preconditioner.__name__ = preconditioner.__qualname__ = name
+    preconditioner.__module__ = "toeplitz_mg.slabs"
     return preconditioner
-
-
-def _make(make: Make, A: ToeplitzOperator | None, dtype: DTypeLike | None) -> SlabOperator:
-    if A is None or not A.is_even:
-        raise ValueError(f"A, or a component's block on itself, is {A!r}, but must be even")
-    dtype = precision(A, dtype)
-    if not (A.slab.is_line and A.slab.comm.size == 1):
-        return make(A, dtype)
-    M = SlabOperator(A.slab, dtype, A.slab.local, library=A.library)
-    M.product = getattr(preconditioners, make.__name__)(A.product, dtype=dtype)
-    return M
 
 
 class BlockDiagonal(SlabOperator):

@@ -1,5 +1,6 @@
 """What a cosine or sine transform diagonalises, on slabs, sampled from the symbol of A."""
 
+from functools import partial
 from math import prod
 from typing import Any
 
@@ -19,64 +20,6 @@ from toeplitz_mg.slabs.structure import ROBUST, restricted
 from toeplitz_mg.slabs.symbol import GridSymbol, sum_line
 
 NAMES = "cosine", "sine"  # Of the transforms whose first sample is that number 0, or 1.
-
-
-@restricted
-def cosine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
-    """Return the inverse of a DCT-II matrix (see `toeplitz_mg.cosine_preconditioner`).
-
-    Parameters
-    ----------
-    A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
-        Even along each axis; each component is treated by itself.
-    dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default.
-
-    Returns
-    -------
-    SlabOperator
-        As `fft_preconditioner` returns it; it moves half the bytes.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError, ValueError, TypeError
-        What `toeplitz_mg.cosine_preconditioner` refuses on one machine, on all ranks.
-
-    See Also
-    --------
-    toeplitz_mg.cosine_preconditioner : the same on one machine.
-    """
-    return _diagonalise(A, dtype, 0)
-
-
-@restricted
-def sine_preconditioner(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
-    """Return the inverse of a DST-II matrix (see `toeplitz_mg.sine_preconditioner`).
-
-    Parameters
-    ----------
-    A, dtype
-        As of `cosine_preconditioner`.
-
-    Returns
-    -------
-    SlabOperator
-        As of `cosine_preconditioner`.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError, ValueError, TypeError
-        What `toeplitz_mg.sine_preconditioner` refuses on one machine, on all ranks.
-
-    See Also
-    --------
-    toeplitz_mg.sine_preconditioner : the same on one machine.
-    """
-    return _diagonalise(A, dtype, 1)
-
-
-def _diagonalise(A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> SlabOperator:
-    return (DiagonalisedLine if A.slab.is_line else DiagonalisedGrid)(A, dtype, first)
 
 
 class DiagonalisedGrid(SlabOperator):
@@ -168,3 +111,11 @@ def check_samples(slab: Slab, samples: Array, dtype: np.dtype[Any], name: str) -
     subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
     require_positive(np.array(slab.extent(samples)), dtype, subject, ROBUST)
     return samples
+
+
+def _diagonalise(A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> SlabOperator:
+    return (DiagonalisedLine if A.slab.is_line else DiagonalisedGrid)(A, dtype, first)
+
+
+cosine_preconditioner = restricted("cosine_preconditioner", partial(_diagonalise, first=0))
+sine_preconditioner = restricted("sine_preconditioner", partial(_diagonalise, first=1))
