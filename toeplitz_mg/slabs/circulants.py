@@ -10,7 +10,6 @@ from toeplitz_mg.engine.embedding import split
 from toeplitz_mg.engine.threads import keep_bits
 from toeplitz_mg.preconditioners.causal import FieldTransform
 from toeplitz_mg.slabs.operators import ToeplitzOperator
-from toeplitz_mg.slabs.product import turns_of
 from toeplitz_mg.slabs.slab import Slab
 
 
@@ -39,7 +38,7 @@ class SlabTransform(FieldTransform):
         mine = slab.columns(points)
         out = np.empty((len(Z), self._length, mine.stop - mine.start), Z.dtype)
         with keep_bits(self.dtype):
-            for own, turn in turns_of(slab, (self._length, points), Z.itemsize):
+            for own, turn in slab.turns_of((self._length, points), Z.itemsize):
                 for z, columns in zip(Z, out, strict=True):
                     columns[:, own] = fft.fft(slab.to_columns(z, turn), self._length, axis=0)
         return out
@@ -48,7 +47,7 @@ class SlabTransform(FieldTransform):
         slab, points = self._slab, self._last // 2 + 1
         out = np.empty((len(Z), self._rows, points), Z.dtype)
         with keep_bits(self.dtype):
-            for own, turn in turns_of(slab, (self._length, points), Z.itemsize):
+            for own, turn in slab.turns_of((self._length, points), Z.itemsize):
                 for columns, rows in zip(Z, out, strict=True):
                     slab.to_rows(fft.ifft(columns[:, own], axis=0)[: self.grid[0]], rows, turn)
         return out

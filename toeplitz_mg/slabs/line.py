@@ -18,11 +18,10 @@ from scipy import fft
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import keep_bits
-from toeplitz_mg.slabs.cuts import Turn, cuts_of, line_width
 from toeplitz_mg.slabs.intervals import Intervals
-from toeplitz_mg.slabs.slab import Slab
+from toeplitz_mg.slabs.slab import Slab, Turn, cuts_of, line_width
 
-TURN = 2**19  # Complex numbers of the columns that a rank has at a time.
+COMPLEX = np.dtype(np.complex128).itemsize
 
 
 class Line:
@@ -108,7 +107,7 @@ class LongTransform:
     def _turns(self) -> list[tuple[Turn, Array]]:
         """The turns of columns, and the factors between the steps."""
         turns = []
-        for _, turn in self.line.slab.turns(self._n2, max(1, TURN // self._n1)):
+        for _, turn in self.line.slab.turns_of((self._n1, self._n2), COMPLEX):
             k = np.outer(np.arange(self._n1 // 2 + 1), np.arange(*turn[self.line.slab.comm.rank]))
             factors = np.exp(-2j * np.pi / self.length * k).astype(self.dtype.char.upper())
             turns.append((turn, factors))

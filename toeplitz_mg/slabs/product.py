@@ -1,6 +1,5 @@
 """The passes of a product, rows in, columns through and rows out, with an exchange between them."""
 
-from collections.abc import Iterator
 from math import prod
 from typing import Any
 
@@ -12,14 +11,10 @@ from toeplitz_mg.engine.arrays.library import NUMPY, Library
 from toeplitz_mg.engine.embedding import split, transform_around, transform_last
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.engine.multilevel import MultilevelProduct
-from toeplitz_mg.engine.passes import NARROW
 from toeplitz_mg.engine.work import count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.slabs.cuts import Turn
 from toeplitz_mg.slabs.line import Line
 from toeplitz_mg.slabs.slab import Slab
-
-TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time.
 
 
 class SlabProduct:
@@ -84,7 +79,7 @@ class SlabProduct:
             return library.xp.reshape(passes.multiply(library.xp.reshape(x, (1, -1)), out), x.shape)
         Z = library.to_numpy(passes.rows_in(library.xp.reshape(x, fields)))
         rows = Z[0] if Z.flags.writeable else Z[0].copy()
-        for own, turn in turns_of(slab, self._own.lengths, len(rows) * rows.itemsize):
+        for own, turn in slab.turns_of(self._own.lengths, len(rows) * rows.itemsize):
             C = workspace((1, len(rows), *slab.shape[:-1], own.stop - own.start), rows.dtype)
             for part, columns in zip(rows, C[0], strict=True):
                 slab.to_columns(part, turn, columns)
@@ -94,11 +89,6 @@ class SlabProduct:
         out = None if y is None else y.reshape(fields)
         result = passes.rows_out(library.from_numpy(rows[np.newaxis]), out)
         return library.xp.reshape(result, x.shape)
-
-
-def turns_of(slab: Slab, lengths: tuple[int, ...], number: int) -> Iterator[tuple[slice, Turn]]:
-    """Yield `Slab.turns` of columns, each number of which has so many bytes."""
-    return slab.turns(lengths[-1], max(NARROW, TURN_BYTES // (number * prod(lengths[:-1]))))
 
 
 def embed_on_slab(A: Any) -> Array:
@@ -118,7 +108,7 @@ def embed_on_slab(A: Any) -> Array:
     mine = slab.columns(lengths[-1])
     kind = np.float64 if A.is_symmetric else np.complex128
     spectrum = np.empty((*lengths[:-1], mine.stop - mine.start), kind)
-    for own, turn in turns_of(slab, lengths, np.dtype(np.complex128).itemsize):
+    for own, turn in slab.turns_of(lengths, np.dtype(np.complex128).itemsize):
         ahead, *other = (slab.to_columns(half, turn) for half in halves)
         back = other[0] if other else parity[0] * ahead if parity[0] else ahead.conj()
         S = transform_around(NUMPY, ahead, np.flip(back[1:], axis=0), 0, lengths[0])

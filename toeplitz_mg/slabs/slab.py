@@ -12,17 +12,22 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import NUMPY, library_of
+from toeplitz_mg.engine.passes import NARROW
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.halfspace.influence import offsets
-from toeplitz_mg.slabs.cuts import Turn, balance, choose_unit, cuts_of
 from toeplitz_mg.slabs.files import save_rows
 from toeplitz_mg.slabs.messages import Messages
 from toeplitz_mg.slabs.row_vectors import RowVectors, rows_of
 from toeplitz_mg.values import count, refuse_masked
 
+UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
+SHARE = 16  # Units that a rank has at least, so that one more of them is not felt.
+TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time, in an exchange in turns.
 UNKNOWN = 8  # Memory of an unknown, with `fsai_preconditioner` and `cg`, over that of a cell.
+
+Turn = Sequence[tuple[int, int]]  # The first column of each rank, and the one behind its last.
 
 
 class Slab(Messages):
@@ -219,6 +224,10 @@ class Slab(Messages):
             a, b = turn[self.comm.rank]
             yield slice(a - first, b - first), turn
 
+    def turns_of(self, lengths: tuple[int, ...], size: int) -> Iterator[tuple[slice, Turn]]:
+        """Cut columns of fields of these lengths, of numbers of so many bytes, as `turns` does."""
+        return self.turns(lengths[-1], max(NARROW, TURN_BYTES // (size * prod(lengths[:-1]))))
+
     def to_columns(self, Z: Array, turn: Turn, out: Array | None = None) -> Array:
         """Exchange the columns of this rank's rows for the rows of this rank's columns.
 
@@ -300,3 +309,30 @@ def require_slab(slab: Any) -> None:
     """Refuse what is no slab; other ranks may wait, as there is none to agree on."""
     if not isinstance(slab, Slab):
         raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
+
+
+def choose_unit(shape: tuple[int, ...], ranks: int) -> int:
+    """Return how many rows stay together, so that all ranks have about as many."""
+    of_line = () if prod(shape[1:]) > 1 else (line_width(shape[0]),)
+    return next((k for k in (*of_line, *UNITS) if shape[0] >= SHARE * k * ranks), 1)
+
+
+def line_width(n: int) -> int:
+    """Return how many of n unknowns of one axis are a row, where they are taken as a matrix."""
+    return 1 << n.bit_length() // 2
+
+
+def balance(weights: Array, parts: int) -> Array:
+    """Return where things are cut into parts of about the same weight, shape (parts + 1,).
+
+    The weights are positive. No part is empty: there are as many things as parts, or more.
+    """
+    ends, k = np.cumsum([0, *weights]), np.arange(parts + 1)
+    goals = ends[-1] * k / parts
+    cuts = np.searchsorted((ends[1:] + ends[:-1]) / 2, goals)  # The nearest ends.
+    return np.minimum(np.maximum.accumulate(cuts - k), len(weights) - parts) + k
+
+
+def cuts_of(n: int, parts: int) -> Array:
+    """Return where n things are cut into parts of about the same size, shape (parts + 1,)."""
+    return np.array([n * k // parts for k in range(parts + 1)])

@@ -15,12 +15,10 @@ from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.embedding import around, cut, split
 from toeplitz_mg.operators.symbol import Tail, continue_axis, tail_length
 from toeplitz_mg.slabs.intervals import Intervals
-from toeplitz_mg.slabs.line import LongTransform
-from toeplitz_mg.slabs.product import turns_of
+from toeplitz_mg.slabs.line import COMPLEX, LongTransform
 from toeplitz_mg.slabs.slab import Slab
 
 Parity = tuple[int, ...]  # Along each axis: 1 of even coefficients, -1 of odd ones.
-COMPLEX = np.dtype(np.complex128).itemsize
 UNITS = (1.0, 1.0j, -1.0, -1.0j)  # Powers of i: one for each axis along which a block is odd.
 
 
@@ -61,7 +59,7 @@ class GridSymbol:
             c = self._sums(c, axis, parity[axis])
         mine = self.slab.columns(self._points[-1])
         S = np.empty((*self._points[:-1], mine.stop - mine.start))
-        for own, turn in turns_of(self.slab, self._points, COMPLEX):
+        for own, turn in self.slab.turns_of(self._points, COMPLEX):
             S[..., own] = self._sums(slab.to_columns(c, turn), 0, parity[0])
         return S * unit if (unit := _unit(parity)) != 1.0 else S
 
@@ -69,7 +67,7 @@ class GridSymbol:
         """Return this rank's rows of the coefficients of a block, from its symbol."""
         S = (S / _unit(parity)).real
         rows = np.empty((self.slab.local[0], *self._points[1:]))
-        for own, turn in turns_of(self.slab, self._points, COMPLEX):
+        for own, turn in self.slab.turns_of(self._points, COMPLEX):
             self.slab.to_rows(self._lags(S[..., own], 0, parity[0]), rows, turn)
         for axis in range(1, rows.ndim):
             rows = self._lags(rows, axis, parity[axis])

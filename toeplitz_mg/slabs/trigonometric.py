@@ -14,7 +14,6 @@ from toeplitz_mg.operators.positivity import require_positive
 from toeplitz_mg.preconditioners.trigonometric import lift_lowest
 from toeplitz_mg.slabs.line import LongTransform
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
-from toeplitz_mg.slabs.product import turns_of
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.structure import ROBUST, restricted
 from toeplitz_mg.slabs.symbol import GridSymbol, sum_line
@@ -55,7 +54,7 @@ class DiagonalisedGrid(SlabOperator):
         Z = library.enlarge(library.xp.reshape(x, slab.local), lengths[1:], self.dtype)
         rows = library.to_numpy(forward(Z, axes=local_axes, **library.in_place))
         rows = rows if rows.flags.writeable else rows.copy()
-        for own, turn in turns_of(slab, lengths, rows.itemsize):
+        for own, turn in slab.turns_of(lengths, rows.itemsize):
             host = workspace((*lengths[:-1], own.stop - own.start), self.dtype)
             slab.to_columns(rows, turn, host[: slab.shape[0]])
             host[slab.shape[0] :] = 0.0
