@@ -245,12 +245,8 @@ class Problem:
 
     @cached_property
     def largest(self) -> float:
-        """The largest displacement, were there no slip."""
-        return self.largest_of(self.b)
-
-    def largest_of(self, u: Array) -> float:
-        """Return the largest of some displacements in contact."""
-        return self.vectors.max(np.where(self.g > 0.0, size(u), 0.0))
+        """The largest displacement in contact, were there no slip."""
+        return self.vectors.max(np.where(self.g > 0.0, size(self.b), 0.0))
 
     def uniform(self, vector: Array) -> Array:
         """Return the components of a vector, to broadcast with fields."""

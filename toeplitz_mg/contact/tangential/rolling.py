@@ -24,7 +24,6 @@ from toeplitz_mg.contact.tangential.falling import examine, follow, multiply
 from toeplitz_mg.contact.tangential.friction import make_result, slide_off
 from toeplitz_mg.contact.tangential.law import ROUNDING as ROUNDED
 from toeplitz_mg.contact.tangential.law import (
-    Areas,
     Problem,
     SlipLaw,
     State,
@@ -258,7 +257,7 @@ def roll(
         loads = Loads(
             -h * window.cut(motion.units(grid)), window.cut(motion.arms(grid)), motion.wanted
         )
-        is_carried = _check_loads(motion, grid, g, of_slip, partial(_check_in, window, loads, b))
+        is_carried = _check_loads(motion, window, loads, b, g, of_slip)
         grid, g = window.grid, window.cut(g)
         A = grid.tangential()
         products = Products(grid.steady(A), asked.max_products)
@@ -268,7 +267,10 @@ def roll(
         if of_slip is not None:
             law = SlipLaw(of_slip, h, grid.diagonal(products.A)).within(window.extend, window.cut)
         problem = Problem(grid, g, b, asked.tolerance, least, progress, law)
-        start = _admit_guess(problem, loads, window, before)
+        start = None
+        # Without any slip or load there are no tractions: no guess is nearer.
+        if before is not None and (problem.largest > 0.0 or loads.wanted.any()):
+            start = admit(problem, *(window.cut(x) for x in before))
         find = partial(find_steady_state, K=products, nested=asked.nested, options=asked.options)
         state = follow(find, products, problem, loads, start) if is_carried else None
         is_found = state is not None and state.residual <= asked.tolerance
@@ -295,33 +297,26 @@ def roll(
 
 def _check_loads(
     motion: Motion,
-    grid: Grid,
+    window: Any,
+    loads: Loads,
+    b: Array,
     g: Array,
     of_slip: Callable[[Array], Array] | None,
-    check: Callable[..., None],
 ) -> bool:
     """Refuse loads that friction does not carry; return whether it carries them without slip."""
+    vectors = window.grid.vectors
     try:
-        motion.check_loads(grid, g)
-        check(g)
+        motion.check_loads(window.whole, g)
+        loads.check_share(window.cut(g), vectors)
+        loads.check_beside(window.cut(g), b, vectors)
     except BeyondBound:  # The bound without slip says nothing of what is carried.
         if of_slip is None:
             raise
         most = np.max([of_slip(np.full(g.shape, s)) for s in SLIPS], axis=0)
-        motion.check_loads(grid, most, ANY_SLIP)
-        check(most, ANY_SLIP)
+        motion.check_loads(window.whole, most, ANY_SLIP)
+        loads.check_share(window.cut(most), vectors, ANY_SLIP)
         return False
     return True
-
-
-def _check_in(window: Any, loads: Loads, b: Array, g: Array, bearer: str | None = None) -> None:
-    """Refuse loads that a bound does not carry together, or not beside the given slip."""
-    g, vectors = window.cut(g), window.grid.vectors
-    if bearer is not None:
-        loads.check_share(g, vectors, bearer)
-        return
-    loads.check_share(g, vectors)
-    loads.check_beside(g, b, vectors)
 
 
 def _slide(grid: Grid, g: Array, asked: Rolled, total: Array) -> TangentialResult:
@@ -338,17 +333,6 @@ def _slide(grid: Grid, g: Array, asked: Rolled, total: Array) -> TangentialResul
     state, cost = window.same((state, cost))
     result = make_rolling_result(motion, problem, state, window, cost, slip, found, is_steady=True)
     return replace(result, warnings=(*result.warnings, doubts.UNDETERMINED))
-
-
-def _admit_guess(
-    problem: Problem, loads: Loads, window: Any, before: tuple[Array, Array] | None
-) -> tuple[Array, Areas] | None:
-    """Return admissible tractions and areas to start from, of those of a guess, or None."""
-    # Without any slip or load there are no tractions: no guess is nearer.
-    if before is None or not (problem.largest > 0.0 or loads.wanted.any()):
-        return None
-    q, slide = (window.cut(x) for x in before)
-    return admit(problem, q, slide)
 
 
 def make_rolling_result(
