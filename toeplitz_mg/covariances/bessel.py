@@ -1,6 +1,5 @@
 """The Matérn correlation of any order ν, and its derivatives by the distance and by ν."""
 
-from collections.abc import Callable
 from math import lgamma, log, pi, sqrt
 
 import numpy as np
@@ -12,11 +11,6 @@ from toeplitz_mg._typing import Array
 WIDTH, NODES = 0.5, 18  # Of the intervals of log r, and nodes in each: errors of rounding.
 SPACING = 0.2  # Of the trapezoidal rule, where the integrand is not narrower.
 GROUP = 8  # Nodes of the trapezoidal rule from one look for what has converged to the next.
-
-
-def matern(r: Array, nu: float) -> Array:
-    """Return ρ(r), -r ρ'(r) and ∂ρ/∂ν of distances r > 0 in lengths, as three rows."""
-    return interpolate(lambda at: integrate(at, nu), r)
 
 
 def integrate(r: Array, nu: float) -> Array:
@@ -48,10 +42,10 @@ def integrate(r: Array, nu: float) -> Array:
     return sums
 
 
-def interpolate(function: Callable[[Array], Array], r: Array) -> Array:
-    """Evaluate functions, the rows of an array, at many r > 0 by polynomials in log r.
+def matern(r: Array, nu: float) -> Array:
+    """Return ρ(r), -r ρ'(r) and ∂ρ/∂ν of distances r > 0 in lengths, as three rows.
 
-    The functions are analytic in log r in a strip of width π around the axis, so that Chebyshev
+    They are analytic in log r in a strip of width π around the axis, so that Chebyshev
     interpolation on short intervals has an error of rounding.
     """
     u = np.log(r)
@@ -61,11 +55,11 @@ def interpolate(function: Callable[[Array], Array], r: Array) -> Array:
     used = np.flatnonzero(np.bincount(index))
     angles = pi * (np.arange(NODES) + 0.5) / NODES
     at = np.exp(first + WIDTH * (used[:, np.newaxis] + 0.5 + 0.5 * np.cos(angles)))
-    samples = function(at.ravel()).reshape(-1, len(used), NODES)
+    samples = integrate(at.ravel(), nu).reshape(3, len(used), NODES)
     weights = 2.0 / NODES * np.cos(np.outer(angles, np.arange(NODES)))
     weights[:, 0] *= 0.5
     coefficients = samples @ weights
-    values = np.empty((len(samples), len(r)))
+    values = np.empty((3, len(r)))
     for j, interval in enumerate(used):
         here = index == interval
         points = 2.0 * (place[here] - interval) - 1.0

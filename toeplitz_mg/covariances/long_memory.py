@@ -9,8 +9,9 @@ from scipy.special import bernoulli, gamma, gammaln, psi, zeta
 from toeplitz_mg._typing import Array
 from toeplitz_mg.covariances.base import Derivatives, Kernel, Lags
 
-FIRST = 4, 32  # Lags from which the series in 1/k² are summed: of second differences, of log Γ.
-TERMS = 24, 8  # Their terms, of which the next would be below rounding.
+# The lag from which a series in 1/k² is summed, and its terms: the next are below rounding.
+NOISE_LAG, NOISE_TERMS = 4, 24  # Second differences of k²ᴴ.
+DIFFERENCE_LAG, DIFFERENCE_TERMS = 32, 8  # log Γ(k + d) - log Γ(k + 1 - d).
 
 
 class FractionalGaussianNoise(Kernel):
@@ -59,7 +60,7 @@ class FractionalGaussianNoise(Kernel):
 
 def fractional_noise(n: int, H: float) -> tuple[Array, Array]:
     """Return the correlations of fractional Gaussian noise, and their derivatives by H."""
-    first, a, b = min(FIRST[0], n), 2.0 * H, 2.0 * (H - 0.5)  # b = 2H - 1, without an error.
+    first, a, b = min(NOISE_LAG, n), 2.0 * H, 2.0 * (H - 0.5)  # b = 2H - 1, without an error.
     rho, by_H = np.ones(n), np.zeros(n)
     t = np.arange(first + 1.0)
     log_t = np.log(np.maximum(t, 1.0))
@@ -71,7 +72,7 @@ def fractional_noise(n: int, H: float) -> tuple[Array, Array]:
     k = np.arange(float(first), n)
     # Σ binom(a, 2j) k^(a - 2j) = H b k^(a - 2) S, S a series in 1/k² whose terms have one sign.
     terms, by_a = [1.0], [0.0]
-    for j in range(1, TERMS[0]):
+    for j in range(1, NOISE_TERMS):
         divisor = (2 * j + 2) * (2 * j + 1)
         ratio, by_ratio = (a - 2 * j) * (a - 2 * j - 1) / divisor, (2 * a - 4 * j - 1) / divisor
         by_a.append(by_a[-1] * ratio + terms[-1] * by_ratio)
@@ -95,18 +96,16 @@ def fractional_difference(n: int, d: float) -> tuple[Array, Array]:
     else:
         slope = 2.0 * (psi(1.0 - d) - psi(1.0 - 2.0 * d))
     rho, by_d = np.ones(n), np.zeros(n)  # Correlations.
-    j = np.arange(1.0, min(FIRST[1], n))
+    j = np.arange(1.0, min(DIFFERENCE_LAG, n))
     w = np.cumprod(np.append(1.0, j[1:] - 1.0 + d)[: len(j)] / (j - d))
     sums = np.cumsum(np.append(0.0, 1.0 / (j[1:] - 1.0 + d))[: len(j)] + 1.0 / (j - d))
     first = len(j) + 1
     rho[1:first], by_d[1:first] = d * w, w * (1.0 + d * sums)
     k = np.arange(float(first), n)
     # log Γ(k + d) - log Γ(k + 1 - d) = (2d - 1) log k - Σ 2 B_(i+1)(d)/(i (i + 1)) k^-i, even i.
-    numbers, even = bernoulli(2 * TERMS[1] + 1), range(2, 2 * TERMS[1] + 1, 2)
-    at_d = [  # The Bernoulli polynomials.
-        sum(comb(m, j) * numbers[j] * d ** (m - j) for j in range(m + 1))
-        for m in range(len(numbers))
-    ]
+    numbers = bernoulli(2 * DIFFERENCE_TERMS + 1)
+    even, degrees = range(2, len(numbers) - 1, 2), range(len(numbers))
+    at_d = [sum(comb(m, j) * numbers[j] * d ** (m - j) for j in degrees[: m + 1]) for m in degrees]
     series = [-2.0 * at_d[i + 1] / (i * (i + 1)) for i in even]
     by_series = [-2.0 * at_d[i] / i for i in even]
     u = 1.0 / (k * k)
