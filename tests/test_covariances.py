@@ -75,11 +75,6 @@ def arma(p):
     return covariance
 
 
-def from_roots(*roots):
-    """Return the φ for which zᵖ - φ₁ zᵖ⁻¹ - … has these roots."""
-    return (-np.poly(roots)[1:].real).tolist()
-
-
 FUNCTIONS = {
     WhiteNoise: lambda x, s: ZERO if x else s,
     Exponential: lambda x, s, r: s * mp.exp(-x / r),
@@ -105,8 +100,8 @@ CASES = [
     *(ARMA(0.5, phi) for phi in (0.9, -0.9, 1.0 - 1e-8)),
     ARMA(0.5, [1.2, -0.5], 0.4),
     ARMA(0.5, [0.5, 0.2, -0.1], [0.9, 0.3, -0.2, 0.1]),
-    ARMA(0.5, from_roots(0.99, 0.7 + 0.2j, 0.7 - 0.2j)),
-    ARMA(0.5, from_roots(0.999 * np.exp(0.3j), 0.999 * np.exp(-0.3j))),
+    ARMA(0.5, [2.39, -1.916, 0.5247]),
+    ARMA(0.5, [1.9087623, -0.998001]),
 ]
 
 

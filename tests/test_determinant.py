@@ -18,17 +18,7 @@ import toeplitz_mg as tmg
 from comparisons.systems.symbols import HERMITIAN, NONSYMMETRIC, column
 from tests.budgets import assert_within_budget
 from tests.systems import in_long_numbers
-
-
-def fractional_noise(n, H):
-    k = np.arange(n, dtype=float)
-    return ((k + 1) ** (2 * H) - 2 * k ** (2 * H) + abs(k - 1) ** (2 * H)) / 2
-
-
-def matern(n, length):
-    r = np.sqrt(3.0) * np.arange(n) / length
-    return (1 + r) * np.exp(-r)
-
+from toeplitz_mg.covariances import FractionalGaussianNoise, Matern
 
 # Of condition numbers up to 10⁷ at n = 1500.
 NAMES = (
@@ -36,11 +26,11 @@ NAMES = (
     *("|θ|", "|θ|^1.5", "2 - 2 cos θ", "2 + 2 cos θ"),
 )
 COVARIANCES = {name: partial(column, name) for name in NAMES} | {
-    "fGn, H = 0.3": lambda n: fractional_noise(n, 0.3),
-    "fGn, H = 0.75": lambda n: fractional_noise(n, 0.75),
-    "fGn, H = 0.99": lambda n: fractional_noise(n, 0.99),
-    "Matérn 3/2, ℓ = 5": lambda n: matern(n, 5.0),
-    "Matérn 3/2, ℓ = 20": lambda n: matern(n, 20.0),
+    "fGn, H = 0.3": FractionalGaussianNoise(hurst=0.3),
+    "fGn, H = 0.75": FractionalGaussianNoise(hurst=0.75),
+    "fGn, H = 0.99": FractionalGaussianNoise(hurst=0.99),
+    "Matérn 3/2, ℓ = 5": Matern(length=5.0, nu=1.5),
+    "Matérn 3/2, ℓ = 20": Matern(length=20.0, nu=1.5),
 }
 each_covariance = pytest.mark.parametrize("name", COVARIANCES)
 

@@ -9,19 +9,15 @@ from tests.budgets import assert_within_budget
 from tests.cases import contact
 from tests.systems import seeded
 from tests.test_fsai import both_iterations
+from toeplitz_mg.covariances import FractionalGaussianNoise
 
 
 def power(exponent):
     return lambda n: (1.0 + np.arange(n)) ** -exponent
 
 
-def long_memory(n):
-    """Of fractional Gaussian noise, H = 0.9."""
-    k = np.arange(n, dtype=float)
-    return 0.5 * ((k + 1) ** 1.8 - 2 * k**1.8 + np.abs(k - 1) ** 1.8)
-
-
-SLOW = {"contact": contact, "1/(1+k)": power(1.0), "1/(1+k)²": power(2.0), "fGn": long_memory}
+SLOW = {"contact": contact, "1/(1+k)": power(1.0), "1/(1+k)²": power(2.0)}
+SLOW["fGn"] = FractionalGaussianNoise(hurst=0.9)
 
 
 @pytest.mark.parametrize("n", [1, 2, 16, 100])
