@@ -94,6 +94,150 @@ def test_a_gradient_over_a_long_smooth_gap_warns_of_its_error(nugget, said, recw
     assert all(w.filename == __file__ for w in told)
 
 
+# What is observed ----------------------------------------------------------------------------
+
+
+def test_gaps_are_nan_or_masked_or_what_is_not_observed():
+    c, observed = covariance("Matérn 3/2, ℓ = 5", 300), masks(300)["several"]
+    y = np.random.default_rng(0).standard_normal(300)
+    process = tmg.ToeplitzNormal(c, 0.5)
+    with_nan = np.where(observed, y, np.nan)
+    for ask in (
+        *(process.logpdf_and_grad, process.whiten, process.leave_one_out),
+        lambda y, *mask: [process.logpdf(y, *mask)],
+        lambda y, *mask: process.conditional(y, *mask).mean,
+        lambda y, *mask: process.conditional(y, *mask).interval(),
+    ):
+        expected = ask(y, observed)
+        for found in (ask(with_nan), ask(np.ma.array(y, mask=~observed)), ask(with_nan, observed)):
+            for a, b in zip([*found], [*expected], strict=True):
+                np.testing.assert_array_equal(a, b)
+    whole = np.ma.array(y)
+    assert process.logpdf(whole) == process.logpdf(y)
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("gaps", [None, "one", "several", "random", "few"])
+def test_all_that_is_told_of_the_observed_is_that_of_the_dense_matrix(gaps, noisy):
+    n = 301
+    rng = np.random.default_rng(5)
+    c, o = covariance("(1+k)^-1.1", n), masks(n)[gaps]
+    noise = rng.random(n) if noisy else None
+    A = scipy.linalg.toeplitz(c) + np.diag(np.zeros(n) if noise is None else noise)
+    y = rng.standard_normal((2, n))
+    known, m = A[np.ix_(o, o)], ~o
+    process = tmg.ToeplitzNormal(c, 0.5, noise)
+    density = multivariate_normal(np.full(o.sum(), 0.5), known).logpdf(y[:, o])
+    assert_allclose(process.logpdf(y, o), density, rtol=1e-11)
+    factor, inverse = np.linalg.cholesky(known), np.linalg.inv(known)
+    z = process.whiten(y, o)
+    assert_allclose(z[:, o] @ factor.T, y[:, o] - 0.5, rtol=0, atol=1e-12)
+    assert np.isnan(z[:, m]).all()
+    given = process.conditional(y[0], o)
+    weights = A[np.ix_(m, o)] @ inverse
+    assert_allclose(given.mean[m], 0.5 + weights @ (y[0, o] - 0.5), rtol=0, atol=1e-10)
+    variance = np.diag(A)[m] - np.vecdot(weights, A[np.ix_(m, o)])
+    assert_allclose(given.variance[m], variance, rtol=1e-10)
+    assert (given.variance[o] == 0.0).all()
+    low, high = given.interval(0.6827)
+    assert_allclose((high - low)[m], 2 * np.sqrt(variance), rtol=1e-4)
+    assert_allclose((high + low) / 2, given.mean, rtol=1e-12)
+    out = process.leave_one_out(y, o)
+    alpha = (y[:, o] - 0.5) @ inverse
+    assert_allclose(out.mean[:, o], y[:, o] - alpha / np.diag(inverse), rtol=0, atol=1e-10)
+    assert_allclose(out.std[o], np.diag(inverse) ** -0.5, rtol=1e-10)
+    assert np.isnan(out.mean[:, m]).all()
+    assert np.isnan(out.std[m]).all()
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_a_forecast_continues_the_series(noisy):
+    n, steps = 200, 30
+    rng = np.random.default_rng(5)
+    mean, noise = rng.standard_normal(n + 50), rng.random(n + 50) if noisy else None
+    c, y = covariance("Matérn 3/2, ℓ = 5", n + 50), rng.standard_normal(n)
+    y[[3, 150, 151]] = np.nan
+    ahead = tmg.ToeplitzNormal(c, mean, noise).forecast(y, steps)
+    o = np.flatnonzero(~np.isnan(y))
+    A = scipy.linalg.toeplitz(c) + np.diag(np.zeros(n + 50) if noise is None else noise)
+    weights = np.linalg.solve(A[np.ix_(o, o)], A[np.ix_(o, range(n, n + steps))]).T
+    assert_allclose(ahead.mean, mean[n : n + steps] + weights @ (y[o] - mean[o]), atol=1e-9)
+    variance = np.diag(A)[n : n + steps] - np.vecdot(weights, A[n : n + steps, o])
+    assert_allclose(ahead.std, np.sqrt(variance), rtol=1e-9)
+    low, high = ahead.interval()
+    assert_allclose(high - low, 2 * 1.959964 * ahead.std, rtol=1e-6)
+
+
+@pytest.mark.parametrize("n", [1, 2, 50, 700])
+def test_coloring_is_what_whitening_undoes(n):
+    rng = np.random.default_rng(0)
+    c, z = covariance("fGn, H = 0.3", n), rng.standard_normal((2, 3, n))
+    for noise in (None, rng.random(n)):
+        process = tmg.ToeplitzNormal(c, 2.0, noise)
+        A = scipy.linalg.toeplitz(c) + np.diag(np.zeros(n) if noise is None else noise)
+        assert_allclose(process.colorize(z), 2.0 + z @ np.linalg.cholesky(A).T, atol=1e-11)
+        assert_allclose(process.whiten(process.colorize(z)), z, atol=1e-9)
+
+
+def test_beyond_the_dense_sizes_noise_is_by_iteration_and_its_density_dense_or_estimated():
+    n, rng = 4200, np.random.default_rng(2)
+    c, noise = covariance("exp(-k/1000)", n), 0.1 * np.exp(rng.standard_normal(n))
+    process = tmg.ToeplitzNormal(c, noise=noise)
+    y = process.rvs(random_state=1)
+    y[[5, 2000, 2001]] = np.nan
+    o = ~np.isnan(y)
+    A = scipy.linalg.toeplitz(c) + np.diag(noise)
+    factor = scipy.linalg.cho_factor(A[np.ix_(o, o)])
+    weights = scipy.linalg.cho_solve(factor, A[np.ix_(o, ~o)]).T
+    given = process.conditional(y)
+    assert_allclose(given.mean[~o], weights @ y[o], rtol=0, atol=1e-8)
+    variance = np.diag(A)[~o] - np.vecdot(weights, A[np.ix_(~o, o)])
+    assert_allclose(given.variance[~o], variance, rtol=1e-8)
+    form = y[o] @ scipy.linalg.cho_solve(factor, y[o])
+    logdet = 2.0 * np.log(np.diag(factor[0])).sum()
+    exact = -0.5 * (form + logdet + o.sum() * np.log(2 * np.pi))
+    assert process.logpdf(y) == pytest.approx(exact, rel=1e-11)
+    value, error = process.logpdf_estimate(y, random_state=0)
+    assert 0.0 < error < 1e-2 * abs(exact)
+    assert abs(value - exact) <= 5 * error
+    assert process.logpdf_estimate(y, probes=4, random_state=0)[1] > error
+
+
+def test_variances_of_many_gaps_are_those_of_draws_and_say_so():
+    """Of a Markov process each depends on its neighbours only."""
+    n, rho = 8400, 0.8
+    y = np.where(np.arange(n) % 2, np.nan, 1.0)
+    given = tmg.ToeplitzNormal(rho ** np.arange(n)).conditional(y)
+    with pytest.warns(UserWarning, match="4200 points are missing: .* 256 draws, .* of 9%") as told:
+        variance = given.variance
+    assert told[0].filename == __file__
+    exact = (1 - rho**2) / (1 + rho**2)
+    # 256 squares of independent numbers have a relative standard deviation of √(2/256) = 0.088.
+    assert_allclose(variance[1:-1:2], exact, rtol=6 * 0.0884)
+    assert variance[1:-1:2].mean() == pytest.approx(exact, rel=0.01)
+    assert (variance[::2] == 0.0).all()
+
+
+def test_a_variance_over_a_long_smooth_gap_warns_of_its_error():
+    k = np.arange(600)
+    process = tmg.ToeplitzNormal(np.exp(-0.5 * (k / 30) ** 2) + 1e-11 * (k == 0))
+    with pytest.warns(scipy.linalg.LinAlgWarning, match="the variances may have") as told:
+        _ = process.conditional(np.where((k < 100) | (k >= 350), 1.0, np.nan)).variance
+    assert told[-1].filename == __file__
+
+
+def test_the_density_of_a_field_is_exact_as_far_as_the_memory_goes():
+    """Of a product of two covariances it is known: log det (A ⊗ B) = n log det A + m log det B."""
+    shape = m, n = 66, 64
+    a, b = 0.9 ** np.arange(m), 0.7 ** np.arange(n)
+    A, B = scipy.linalg.toeplitz(a), scipy.linalg.toeplitz(b)
+    y = np.random.default_rng(0).standard_normal(shape)
+    logdet = n * np.linalg.slogdet(A)[1] + m * np.linalg.slogdet(B)[1]
+    form = np.vdot(y, np.linalg.solve(A, np.linalg.solve(B, y.T).T))
+    exact = -0.5 * (form + logdet + m * n * np.log(2 * np.pi))
+    assert tmg.ToeplitzNormal(np.outer(a, b)).logpdf(y) == pytest.approx(exact, rel=1e-11)
+
+
 @each_name
 @pytest.mark.parametrize("n", [1, 2, 3, 40, 301, 1200])
 def test_whitening_divides_by_the_factor_of_cholesky(name, n):
@@ -155,17 +299,23 @@ def test_a_field_with_gaps_is_kriged_as_by_the_dense_matrix(share):
     density = multivariate_normal(np.zeros(inside.sum()), A[np.ix_(inside, inside)])
     process = tmg.ToeplitzNormal(c)
     assert process.logpdf(y, observed) == pytest.approx(density.logpdf(y[observed]), rel=1e-11)
-    assert_allclose(process.conditional(y, observed).mean, expected, rtol=0, atol=1e-10)
+    given = process.conditional(y, observed)
+    assert_allclose(given.mean, expected, rtol=0, atol=1e-10)
+    variance = np.diag(A - weights @ A[inside]).reshape(shape)
+    assert_allclose(given.variance[~observed], variance[~observed], rtol=1e-10)
+    out = process.leave_one_out(y, observed)
+    deviations = np.diag(np.linalg.inv(A[np.ix_(inside, inside)])) ** -0.5
+    assert_allclose(out.std[observed], deviations, rtol=1e-10)
 
 
 @pytest.mark.parametrize(
     ("shape", "reason"),
     [
-        ((90, 80), "no exact way to the log-determinant"),
-        ((20_000,), r"of 20000 points are missing.*at most \d+ are missing"),
+        ((600, 500), "the log-determinant is known exactly only of up to .*Whittle"),
+        ((300_000,), r"known exactly only of up to \d+ .*at most \d+ are missing"),
     ],
 )
-def test_of_many_points_and_gaps_there_is_all_but_a_density(shape, reason):
+def test_of_more_than_the_memory_holds_there_is_all_but_a_density(shape, reason):
     """Sums of the covariances with observed points are what the conditional mean continues."""
     c = field_covariance((*shape, 1)[:2], 3.0).reshape(shape)
     rng = np.random.default_rng(0)
@@ -181,21 +331,25 @@ def test_of_many_points_and_gaps_there_is_all_but_a_density(shape, reason):
 
 @pytest.mark.parametrize("shape", [(12,), (3, 4), (5, 1), (2, 3, 2)])
 @pytest.mark.parametrize("share", [1.0, 0.7])
-def test_gradients_are_derivatives(shape, share):
+@pytest.mark.parametrize("noisy", [False, True])
+def test_gradients_are_derivatives(shape, share, noisy):
     distance = np.sqrt((np.indices(shape) ** 2).sum(axis=0))
     c = np.exp(-distance / 3.0) + 0.1 * (distance == 0.0)
     rng = np.random.default_rng(0)
     y, observed = rng.standard_normal((2, 3, *shape)), rng.random(shape) < share
     observed.flat[0] = True
-    value, by_c, by_y = tmg.ToeplitzNormal(c).logpdf_and_grad(y, observed)
+    options = {"noise": rng.random(shape)} if noisy else {}
+    value, by_c, by_y = tmg.ToeplitzNormal(c, **options).logpdf_and_grad(y, observed)
     assert (value.shape, by_c.shape, by_y.shape) == ((2, 3), y.shape, y.shape)
     h = 1e-5
     for index in np.ndindex(shape):
         step = np.zeros(shape)
         step[index] = h
-        ahead, back = (tmg.ToeplitzNormal(c + t).logpdf(y, observed) for t in (step, -step))
+        ahead, back = (
+            tmg.ToeplitzNormal(c + t, **options).logpdf(y, observed) for t in (step, -step)
+        )
         assert_allclose(by_c[..., *index], (ahead - back) / (2 * h), rtol=0, atol=1e-6)
-        process = tmg.ToeplitzNormal(c)
+        process = tmg.ToeplitzNormal(c, **options)
         ahead, back = (process.logpdf(y + t, observed) for t in (step, -step))
         assert_allclose(by_y[..., *index], (ahead - back) / (2 * h), rtol=0, atol=1e-6)
 
@@ -338,19 +492,21 @@ def test_random_states():
 # Arguments -----------------------------------------------------------------------------------
 
 
-def test_nan_without_a_mask_is_refused_with_its_positions():
+def test_what_is_infinite_or_observed_and_nan_is_refused_with_its_positions():
     process = tmg.ToeplitzNormal(0.5 ** np.arange(20))
     y = np.zeros(20)
     y[[3, 7]] = np.nan
-    with pytest.raises(ValueError, match=r"not finite at 3, 7, .*observed=~np.isnan"):
-        process.logpdf(y)
+    with pytest.raises(ValueError, match=r"not finite at 3, 7, but must be where it is observed"):
+        process.logpdf(y, np.ones(20, dtype=bool))
     y[10:] = np.inf
-    with pytest.raises(ValueError, match=r"at 3, 7, 10, 11, 12 and 7 more"):
+    with pytest.raises(ValueError, match=r"at 10, 11, 12, 13, 14 and 5 more"):
         process.logpdf_and_grad(y)
     with pytest.raises(ValueError, match=r"not finite at \(1, 10\)"):
         process.logpdf([np.zeros(20), y], np.arange(20) == 10)
     with pytest.raises(ValueError, match="not finite at 10"):
         process.conditional(y)
+    with pytest.raises(ValueError, match="different gaps"):
+        process.logpdf([np.zeros(20), np.where(np.arange(20) < 5, np.nan, 0.0)])
 
 
 NONE = np.zeros(20)
@@ -365,9 +521,15 @@ NONE = np.zeros(20)
         (lambda p: p.conditional(NONE, [True, False]), ValueError, r"observed has shape \(2,\)"),
         (lambda p: p.logpdf(NONE, np.zeros(20, bool)), ValueError, "y is observed nowhere"),
         (lambda p: p.conditional(np.full(20, np.nan)), ValueError, "y is observed nowhere"),
-        (lambda p: p.conditional(np.ma.array(NONE)), TypeError, "what is missing must be NaN"),
+        (lambda p: p.forecast(NONE, 1), ValueError, "c has 20 covariances"),
+        (lambda p: p.forecast(NONE[:9], 0), ValueError, "steps is 0"),
+        (lambda p: p.conditional(NONE).interval(1.0), ValueError, "confidence is 1.0, but must"),
+        (lambda p: p.logpdf_estimate(NONE), ValueError, "use logpdf"),
+        (lambda p: tmg.ToeplitzNormal(p.A.c, noise=0.1), ValueError, r"added to c\[0\]"),
+        (lambda p: tmg.ToeplitzNormal(p.A.c, noise=-p.A.c), ValueError, "noise is negative"),
+        (lambda p: tmg.ToeplitzNormal(p.A.c, noise=p.A.c).logdet_error, ValueError, "c has noise"),
         (lambda p: p.conditional(np.ones((2, 20))), ValueError, r"that of c, \(20,\): one series"),
-        (lambda p: p.whiten(np.full(20, np.nan)), ValueError, "where it is observed$"),
+        (lambda p: p.whiten(np.full(20, np.nan)), ValueError, "observed nowhere"),
         (lambda p: tmg.ToeplitzNormal(np.ones(3), mean=np.zeros(2)), ValueError, "must broadcast"),
         (lambda p: tmg.ToeplitzNormal(np.ones(3), mean=np.nan), ValueError, "mean is not finite"),
         (lambda p: tmg.ToeplitzNormal(np.ones(3, dtype=complex)), TypeError, "real numbers"),

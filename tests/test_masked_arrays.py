@@ -139,9 +139,16 @@ roll_once = {"bound": GRID, **CONTACT, **ROLL, "steps": 1}
 use_as("rolling_steps", lambda **given: next(iter(contact.rolling_steps(**given))), **roll_once)
 use(tmg.reflection_coefficients, c=[4.0, 1.0, 0.5])
 use(tmg.toeplitz_logdet, c=[4.0, 1.0, 0.5])
-use(tmg.ToeplitzNormal, c=[4.0, 1.0, 0.5], mean=[0.0, 1.0, 0.0])
-for method in (PROCESS.logpdf, PROCESS.logpdf_and_grad, PROCESS.conditional):
-    use(method, y=[0.0, 1.0, 0.0], observed=[True, True, False])
+use(tmg.ToeplitzNormal, c=[4.0, 1.0, 0.5], mean=[0.0, 1.0, 0.0], noise=[0.0, 1.0, 0.0])
+for name in ("logpdf", "logpdf_and_grad", "conditional", "leave_one_out", "whiten"):
+    ask = functools.partial(getattr(PROCESS, name), [0.0, 1.0, 0.0])  # Masks of y are gaps.
+    use_as(name, ask, observed=[True, True, False])
+NOISY = tmg.ToeplitzNormal([4.0, 1.0, 0.5], noise=[0.0, 1.0, 0.0])
+ask = functools.partial(NOISY.logpdf_estimate, [0.0, 1.0, 0.0])
+use_as("logpdf_estimate", ask, observed=[True, True, False], probes=3)
+use_as("forecast", functools.partial(PROCESS.forecast, [0.0, 1.0]), steps=1)
+use(PROCESS.colorize, z=[0.0, 1.0, 0.0])
+use(PROCESS.conditional([0.0, np.nan, 0.0]).interval, confidence=0.9)
 use(PROCESS.rvs, size=2)
 use(fractional.riesz_coefficients, order=1.5, n=4)
 use(fractional.grunwald_coefficients, order=1.5, n=4)

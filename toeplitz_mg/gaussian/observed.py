@@ -1,20 +1,23 @@
 """What is known of the covariance of the observed points of a grid: solves, log-determinants.
 
 `observe` chooses by how many points are observed and missing: a series without gaps is a `Whole`,
-one with few a `Gaps`, a grid of few observed points a `Few`, and any other a `Many`, which has no
-log-determinant.
+one with few a `Gaps`, a grid of few observed points a `Few`, which may have noise that differs by
+point, and any other a `Many`, which has no log-determinant.
 """
 
+import os
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
+from math import isqrt
 from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import fft
-from scipy.linalg import LinAlgWarning, cho_factor, cho_solve
-from scipy.linalg.lapack import dlauum, dtrtri
+from scipy.linalg import LinAlgWarning, cho_factor, cho_solve, solve_triangular
+from scipy.linalg.lapack import dlauum, dpotrf, dpotri, dtrtri
+from scipy.sparse import diags_array
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array, Mask, Rows
@@ -30,6 +33,7 @@ from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
+PART = 64  # Rows that are made, or multiplied, at once.
 RTOL = 1e-11  # Relative residual of an iteration.
 MOST_ITERATIONS = 1000  # Iterations after which the matrix is said to be too ill-conditioned.
 NEAR = 64  # Rows of the inverse that take as long, one from the other, as a product.
@@ -64,6 +68,12 @@ class Observed(Protocol):
 
     def by_covariances(self, X: Rows) -> Array:
         """Return the derivatives of the logarithm of the density by all c, for each row α."""
+
+    def variances(self) -> Array:
+        """Return the variances of what is missing, given what is observed."""
+
+    def inverse_diagonal(self) -> Array:
+        """Return the diagonal of E A_oo⁻¹ Eᵀ."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +113,18 @@ class Whole:
     def by_covariances(self, X: Rows) -> Array:
         """Return the derivatives by all covariances (see `Observed`)."""
         return _by_lags(X, self.diagonal_sums())
+
+    def variances(self) -> Array:
+        """Return none."""
+        return np.empty(0)
+
+    def inverse_diagonal(self) -> Array:
+        """Return (A⁻¹)_ii = Σ_(k≤i) (x_k² - x_(n-k)²)/x₀."""
+        x = self.column.x
+        y = np.append(0.0, x[:0:-1])
+        half = (len(x) + 1) // 2  # It is the same from the end: fewer terms have less rounding.
+        diagonal = np.cumsum((x - y)[:half] * (x + y)[:half]) / x[0]
+        return np.append(diagonal, diagonal[: len(x) - half][::-1])
 
 
 @dataclass(frozen=True)
@@ -168,6 +190,17 @@ class Gaps:
         """Return the variances of what is missing, given what is observed."""
         return np.vecdot(self._root.T, self._root.T)
 
+    def inverse_diagonal(self) -> Array:
+        """Return that of A⁻¹ without that of W Wᵀ, W = A⁻¹_:m L⁻ᵀ."""
+        diagonal = self.whole.inverse_diagonal()
+        for first in range(0, len(self.missing), PART):
+            part = self._root[first : first + PART]
+            rows = np.zeros((len(part), len(diagonal)))
+            rows[:, self.missing] = part
+            diagonal -= (self.whole.column.inverse.apply(rows) ** 2).sum(axis=0)
+        diagonal[self.missing] = 0.0
+        return diagonal
+
     @property
     def rounding(self) -> float:
         """An estimate of the relative error of B⁻¹, which is large where a long gap is smooth."""
@@ -195,18 +228,26 @@ class Few:
 
     A: ToeplitzOperator
     index: Array
+    noise: Array | None = None
     log_determinant: ClassVar[None] = None
     rounding: ClassVar[float] = 0.0
 
     @cached_property
     def _factor(self) -> Array:
-        try:
-            return np.linalg.cholesky(self.A.block(self.index))
-        except np.linalg.LinAlgError:
+        """Cholesky's lower factor L of A_oo; zeros above the diagonal."""
+        matrix = np.empty((len(self.index), len(self.index)))
+        for first in range(0, len(matrix), PART):
+            rows = slice(first, first + PART)
+            matrix[rows] = self.A.entries(self.index[rows], self.index)
+        if self.noise is not None:
+            np.einsum("ii->i", matrix)[:] += self.noise.ravel()[self.index]
+        factor, info = dpotrf(matrix.T, lower=1, clean=1, overwrite_a=1)
+        if info:
             raise np.linalg.LinAlgError(
                 f"the covariance of the {len(self.index)} observed points is not positive "
                 "definite, or so ill-conditioned that float64 cannot tell: add to c[0] (a nugget)"
-            ) from None
+            )
+        return np.asarray(factor)
 
     def solve(self, Y: Rows) -> tuple[Rows, Array]:
         """Return α = A_oo⁻¹ y_o, extended by zeros, for each row, and yᵀ α."""
@@ -222,19 +263,45 @@ class Few:
         """Return log det A_oo."""
         return 2.0 * float(np.log(self._factor.diagonal()).sum())
 
+    def whiten(self, Y: Rows) -> Rows:
+        """Return L⁻¹ y_o for each row, NaN where it is not observed."""
+        X = np.full_like(Y, np.nan)
+        X[:, self.index] = solve_triangular(self._factor, Y[:, self.index].T, lower=True).T
+        return X
+
+    def colorize(self, Z: Rows) -> Rows:
+        """Return L z for each row z, of all points."""
+        return Z @ self._factor.T
+
     def by_covariances(self, X: Rows) -> Array:
         """Return half of the sums of α αᵀ - A_oo⁻¹ over the pairs of points of the same lag.
 
         A lag is that along each axis, of either sign.
         """
-        inverse = cho_solve((self._factor, True), np.eye(len(self.index)))
-        points = np.unravel_index(self.index, self.A.grid_shape)
-        distances = tuple(np.abs(np.subtract.outer(i, i)) for i in points)
-        lags = np.ravel_multi_index(distances, self.A.grid_shape).ravel()
-        alphas = X[:, self.index]
-        differences = (np.outer(alpha, alpha) - inverse for alpha in alphas)
-        sums = [np.bincount(lags, part.ravel(), X.shape[1]) for part in differences]
-        return 0.5 * np.array(sums).reshape(X.shape)
+        inverse = dpotri(self._factor, lower=1)[0]  # Its lower triangle, as of what follows.
+        alphas, points = X[:, self.index], np.unravel_index(self.index, self.A.grid_shape)
+        sums = np.zeros_like(X)
+        for first in range(0, len(inverse), PART):
+            rows, stop = slice(first, first + PART), first + PART
+            distances = tuple(np.abs(np.subtract.outer(i[rows], i[:stop])) for i in points)
+            lags = np.ravel_multi_index(distances, self.A.grid_shape).ravel()
+            for alpha, total in zip(alphas, sums, strict=True):
+                part = np.tril(np.outer(alpha[rows], alpha[:stop]), first) - inverse[rows, :stop]
+                total += np.bincount(lags, part.ravel(), len(total))
+        sums[:, 0] -= 0.5 * (np.vecdot(alphas, alphas) - inverse.trace())
+        return sums
+
+    def variances(self) -> Array:
+        """Return the diagonal of A_mm - A_mo A_oo⁻¹ A_om, with the noise of what is missing."""
+        missing = np.delete(np.arange(self.A.shape[0]), self.index)
+        W = solve_triangular(self._factor, self.A.entries(self.index, missing), lower=True)
+        return _variances(self, missing, np.vecdot(W.T, W.T))
+
+    def inverse_diagonal(self) -> Array:
+        """Return the diagonal of A_oo⁻¹, extended by zeros."""
+        diagonal = np.zeros(self.A.shape[0])
+        diagonal[self.index] = dpotri(self._factor, lower=1)[0].diagonal()
+        return diagonal
 
 
 @dataclass(frozen=True)
@@ -243,12 +310,15 @@ class Many:
 
     A: ToeplitzOperator
     mask: Mask
+    noise: Array | None = None
     log_determinant: ClassVar[None] = None
     rounding: ClassVar[float] = 0.0
 
     @cached_property
     def _operators(self) -> tuple[LinearOperator, LinearOperator]:
         A = self.A if self.mask.all() else MaskedOperator(self.A, self.mask)
+        if self.noise is not None:
+            A = A + diags_array(self.noise[self.mask])
         try:
             return A, default_preconditioner(A)
         except np.linalg.LinAlgError:
@@ -283,23 +353,55 @@ class Many:
         """Raise the ValueError that says why none is known."""
         raise ValueError(self._reason())
 
+    def variances(self) -> Array:
+        """Return the diagonal of A_mm - A_mo A_oo⁻¹ A_om, with the noise of what is missing."""
+        inside = self.mask.ravel()
+        missing = np.flatnonzero(~inside)
+        squares = np.empty(len(missing))
+        for first in range(0, len(missing), PART):
+            rows = slice(first, first + PART)
+            Y = self.A.entries(missing[rows], np.arange(len(inside))) * inside
+            squares[rows] = self.solve(Y)[1]
+        return _variances(self, missing, squares)
+
     def by_covariances(self, X: Rows) -> Array:
         """Raise the ValueError that says why no log-determinant is known."""
         raise ValueError(self._reason())
 
+    def inverse_diagonal(self) -> Array:
+        """Raise the ValueError that says why it is not known."""
+        raise ValueError(self._reason())
+
     def _reason(self) -> str:
-        if self.mask.ndim > 1:
-            return (
-                f"c has {self.mask.ndim} axes and {np.count_nonzero(self.mask)} observed points, "
-                "but no exact way to the log-determinant of so many is known: up to "
-                f"{MOST} it is taken of the dense matrix; conditional and rvs need none"
-            )
-        missing = self.mask.size - np.count_nonzero(self.mask)
+        observed = np.count_nonzero(self.mask)
+        if self.noise is not None:
+            beyond = "logpdf_estimate estimates it, of one axis"
+        elif self.mask.ndim > 1:
+            beyond = "what is approximate, as Whittle's likelihood, is not in this package"
+        else:
+            beyond = f"or where at most {MOST} are missing, and not {self.mask.size - observed}"
         return (
-            f"{missing} of {self.mask.size} points are missing, but the log-determinant is known "
-            f"exactly only where at most {MOST} are missing, or at most {MOST} observed; "
-            "conditional needs none"
+            f"{observed} of {self.mask.size} points are observed, but the log-determinant is known "
+            f"exactly only of up to {largest_dense()} on this machine, whose dense matrix takes a "
+            f"quarter of its memory; {beyond}; conditional needs none"
         )
+
+
+def _variances(known: Few | Many, points: Array, explained: Array) -> Array:
+    """Return the variances of points, with their noise, less what is explained."""
+    variance = float(known.A.c.flat[0]) - explained
+    if known.noise is not None:
+        variance += known.noise.ravel()[points]
+    return np.maximum(variance, 0.0)
+
+
+def largest_dense() -> int:
+    """Return of how many points a dense matrix takes a quarter of the memory of this machine."""
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):  # Windows does not say.
+        memory = 2**33
+    return max(MOST, isqrt(memory // (4 * 8)))
 
 
 def _by_lags(X: Rows, diagonal_sums: Array) -> Array:
@@ -309,20 +411,28 @@ def _by_lags(X: Rows, diagonal_sums: Array) -> Array:
     return by_c
 
 
-def observe(whole: Whole, mask: Mask | None) -> Observed:
-    """Return what is known where a mask is true, or everywhere."""
+def observe(
+    whole: Whole, mask: Mask | None, noise: Array | None = None, *, dense: int = MOST
+) -> Observed:
+    """Return what is known where a mask is true, or everywhere.
+
+    A dense matrix is factorised of so many points where there is no other way but an iteration.
+    """
     A = whole.A
     if mask is None or mask.all():
         mask = np.ones(A.grid_shape, dtype=bool)
-        if mask.ndim == 1:
+        if mask.ndim == 1 and noise is None:
             return whole
     observed = int(np.count_nonzero(mask))
     missing = mask.size - observed
-    if observed <= min(MOST, max(missing, 1)) or (mask.ndim > 1 and observed <= MOST):
-        return Few(A, np.flatnonzero(mask))
-    if mask.ndim == 1 and missing <= MOST:
+    is_line = mask.ndim == 1 and noise is None
+    if observed <= (min(MOST, max(missing, 1)) if is_line else MOST):
+        return Few(A, np.flatnonzero(mask), noise)
+    if is_line and missing <= MOST:
         return Gaps(whole, np.flatnonzero(~mask))
-    return Many(A, mask)
+    if observed <= dense:
+        return Few(A, np.flatnonzero(mask), noise)
+    return Many(A, mask, noise)
 
 
 def _inverse_block(column: SharpColumn, index: Array) -> Array:

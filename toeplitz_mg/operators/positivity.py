@@ -143,21 +143,29 @@ def ritz_values(A: LinearOperator, M: LinearOperator, steps: int) -> Array:
     """
     rng = np.random.default_rng(0)
     q = (1.0 + rng.standard_normal(A.shape[0])).astype(A.dtype)
-    q_old = np.zeros(A.shape[0], A.dtype)
-    diagonal: list[float] = []
-    off_diagonal: list[float] = []
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(min(steps, A.shape[0])):
-            p = A @ q
-            norm = float(np.sqrt(max(q @ p, 0.0)))
-            if diagonal:
-                if norm <= np.finfo(A.dtype).eps * abs(diagonal[0]):
-                    break  # The Krylov space is exhausted.
-                off_diagonal.append(norm)
-            q, p = q / norm, p / norm
-            w = M @ p
-            diagonal.append(float(w @ p))
-            q, q_old = w - diagonal[-1] * q - (norm if off_diagonal else 0.0) * q_old, q
+        diagonal, off_diagonal = lanczos(A, M, q, steps)
     if not np.isfinite(diagonal + off_diagonal).all():
         return np.array([np.nan])
     return eigvalsh_tridiagonal(np.array(diagonal), np.array(off_diagonal))
+
+
+def lanczos(
+    A: LinearOperator, M: LinearOperator, q: Array, steps: int
+) -> tuple[list[float], list[float]]:
+    """Return the diagonals of the tridiagonal matrix of M A, from q on, in A's inner product."""
+    q_old = np.zeros_like(q)
+    diagonal: list[float] = []
+    off_diagonal: list[float] = []
+    for _ in range(min(steps, A.shape[0])):
+        p = A @ q
+        norm = float(np.sqrt(max(q @ p, 0.0)))
+        if diagonal:
+            if norm <= np.finfo(A.dtype).eps * abs(diagonal[0]):
+                break  # The Krylov space is exhausted.
+            off_diagonal.append(norm)
+        q, p = q / norm, p / norm
+        w = M @ p
+        diagonal.append(float(w @ p))
+        q, q_old = w - diagonal[-1] * q - (norm if off_diagonal else 0.0) * q_old, q
+    return diagonal, off_diagonal

@@ -1,0 +1,58 @@
+"""A log-determinant with noise that differs by point, estimated from random vectors."""
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+from scipy.sparse.linalg import LinearOperator
+
+from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.gaussian.observed import Observed
+from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.positivity import lanczos
+
+STEPS = 60  # Steps of Lanczos's method for each random vector.
+
+
+def estimate_logdet(
+    A: ToeplitzOperator, known: Observed, mask: Mask, rest: Array, draws: Rows
+) -> tuple[float, float]:
+    """Estimate log det (A + D)_oo, and its standard error.
+
+    It is log det A_oo + tr log K with K = A_oo^(-1/2) (A + D)_oo A_oo^(-1/2). A draw z of the
+    process of A is A_oo^(1/2) w with a normal w, so that Lanczos's method in the inner product of
+    A_oo⁻¹ has a quadrature of wᵀ log K w. What it has in common with wᵀ K w, whose mean tr K is
+    known exactly, is taken out.
+
+    Parameters
+    ----------
+    A : ToeplitzOperator
+        The covariance with a noise that is the same everywhere.
+    known : Observed
+        What is known of its observed points, at those of `mask`.
+    mask : ndarray of bool, of shape (n,)
+    rest : ndarray of shape (n,)
+        The diagonal of D, the difference of the noise from that.
+    draws : ndarray of shape (probes, n)
+        Samples of the process of A.
+
+    References
+    ----------
+    S. Ubaru, J. Chen, Y. Saad, Fast estimation of tr(f(A)) via stochastic Lanczos quadrature, SIAM
+    J. Matrix Anal. Appl. 38 (2017).
+    """
+    n = len(mask)
+    inverse = LinearOperator((n, n), lambda z: known.solve(z[np.newaxis])[0][0], dtype=np.float64)
+    whole = LinearOperator((n, n), lambda z: (A @ z + rest * z) * mask, dtype=np.float64)
+    size = int(np.count_nonzero(mask))
+    logs, traces, cut = np.empty((3, len(draws)))
+    for k, z in enumerate(draws * mask):
+        diagonal, beside = lanczos(inverse, whole, z, STEPS)
+        for steps in ((len(diagonal) + 1) // 2, len(diagonal)):
+            values, vectors = eigh_tridiagonal(diagonal[:steps], beside[: steps - 1])
+            cut[k], logs[k] = logs[k], size * (vectors[0] ** 2 @ np.log(values))
+        traces[k] = size * (diagonal[0] - 1.0)
+    off = traces - known.inverse_diagonal() @ rest
+    spread = off - off.mean()
+    slope = spread @ logs / max(spread @ spread, np.finfo(np.float64).tiny)
+    logs -= slope * off
+    error = logs.std(ddof=1) / np.sqrt(len(logs)) + abs(np.mean(logs + slope * off - cut))
+    return known.logdet() + float(logs.mean()), float(error)
