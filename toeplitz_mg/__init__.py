@@ -53,7 +53,7 @@ from toeplitz_mg.solvers.least_squares import (
 )
 from toeplitz_mg.solvers.toeplitz.refinement import SolveInfo
 from toeplitz_mg.solvers.richardson import richardson
-from toeplitz_mg.gaussian import ToeplitzNormal
+from toeplitz_mg.gaussian import NormalFit, ToeplitzNormal
 
 __all__ = [
     "CoupledOperator",
@@ -62,6 +62,7 @@ __all__ = [
     "LeastSquaresInfo",
     "MaskedOperator",
     "Multigrid",
+    "NormalFit",
     "ProductCount",
     "RectangularToeplitz",
     "RightPreconditioned",

@@ -1,5 +1,6 @@
-"""Stationary Gaussian processes on a grid: likelihoods, gaps, samples."""
+"""Stationary Gaussian processes on a grid: likelihoods, fits, gaps, samples."""
 
+from toeplitz_mg.gaussian.fitting import NormalFit
 from toeplitz_mg.gaussian.normal import ToeplitzNormal
 
-__all__ = ["ToeplitzNormal"]
+__all__ = ["NormalFit", "ToeplitzNormal"]

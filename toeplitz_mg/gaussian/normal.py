@@ -12,6 +12,7 @@ from scipy.special import ndtri
 
 from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.columns.schur import schur_column, whiten_rows
+from toeplitz_mg.gaussian.fitting import NormalFit, fit_normal
 from toeplitz_mg.gaussian.observed import (
     INEXACT,
     LOST,
@@ -25,6 +26,7 @@ from toeplitz_mg.gaussian.observed import (
     warn_of_rounding,
 )
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
+from toeplitz_mg.gaussian.scoring import Covariance
 from toeplitz_mg.gaussian.stochastic import estimate_logdet
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.szego import warn_of_error
@@ -75,6 +77,7 @@ class ToeplitzNormal:
 
     See Also
     --------
+    NormalFit : what `fit` returns.
     toeplitz_logdet, toeplitz_inverse
 
     Notes
@@ -115,6 +118,90 @@ class ToeplitzNormal:
         self.mean = _check_mean(mean, self.shape)
         self.noise = None if noise is None else _check_noise(noise, self.shape)
         self._whole = Whole(self.A)
+
+    @classmethod
+    def fit(
+        cls,
+        y: Any,
+        covariance: Covariance,
+        mean: Any = "constant",
+        X: Any = None,
+        *,
+        method: str = "ml",
+        maxiter: int = 100,
+    ) -> NormalFit:
+        """Estimate the parameters of a covariance, and of a mean, from a series with gaps.
+
+        Parameters
+        ----------
+        y : array_like of shape (n,) or (n1, n2, ...), masked array, or pandas.Series
+            One series, or field. What is missing is NaN, or masked.
+        covariance : object
+            One of `toeplitz_mg.covariances`, whose values are the start.
+        mean : {"constant", "linear"} or array_like, optional
+            What is estimated of the mean beside X, or the mean if it is known.
+        X : array_like of shape (n,), (n, k) or (n1, n2, ..., k), optional
+            Regressors, a column each. The columns of a DataFrame give their names.
+        method : {"ml", "reml"}, optional
+            Maximum likelihood, or restricted maximum likelihood: that of the contrasts of y that
+            the mean does not change, of which variances are less biased.
+        maxiter : int, optional
+            The most steps of the search.
+
+        Returns
+        -------
+        NormalFit
+
+        Raises
+        ------
+        ValueError
+            Where parameters, or regressors, cannot be told apart; where the index of a Series does
+            not have equal steps; and as by `logpdf`.
+        numpy.linalg.LinAlgError
+            Where the covariance is not positive definite at the start.
+
+        Warns
+        -----
+        scipy.optimize.OptimizeWarning
+            Where the search has not converged, or a parameter has come to a bound.
+        scipy.linalg.LinAlgWarning
+            As by `logpdf`, of the estimate.
+
+        Notes
+        -----
+        The coefficients of the mean are those of generalised least squares for each covariance. The
+        parameters of the covariance, their logarithms where they have a bound, are found by
+        `scipy.optimize.minimize` in a trust region, with exact derivatives and Fisher's information
+        tr(A⁻¹ ∂ᵢA A⁻¹ ∂ⱼA)/2 as the curvature: without gaps in O(n log n), as the sums of the
+        diagonals of A⁻¹ and their derivatives are bilinear in x = A⁻¹e₁ and its derivative. The
+        variance need not start near its estimate.
+
+        Examples
+        --------
+        >>> import toeplitz_mg as tmg
+        >>> from toeplitz_mg.covariances import Exponential, WhiteNoise
+        >>> covariance = Exponential(4.0, length=9.0) + WhiteNoise(1.0)
+        >>> y = tmg.ToeplitzNormal(covariance(800), mean=5.0).rvs(random_state=0)
+        >>> y[300:350] = float("nan")
+        >>> fit = tmg.ToeplitzNormal.fit(y, Exponential() + WhiteNoise())
+        >>> print(fit.summary())
+                                   Gaussian Process Results
+        ==============================================================================
+        Dep. Variable:                       y  No. Observations:                  750
+        Model:                  ToeplitzNormal  Log Likelihood               -1370.581
+        Method:                             ML  AIC                           2749.162
+        Converged:                        True  BIC                           2767.642
+        Missing:                            50
+        ==============================================================================
+                                coef   std err         z     P>|z|    [0.025    0.975]
+        ------------------------------------------------------------------------------
+        0.variance            3.6929     0.551     6.707     0.000     2.757     4.946
+        0.length              7.5963     1.550     4.901     0.000     5.093    11.331
+        1.variance            0.9778     0.113     8.624     0.000     0.779     1.227
+        mean                  4.7999     0.271    17.684     0.000     4.268     5.332
+        ==============================================================================
+        """
+        return fit_normal(cls, y, covariance, mean, X, method, maxiter)
 
     def __repr__(self) -> str:
         return f"<ToeplitzNormal {' x '.join(map(str, self.shape))}>"

@@ -146,7 +146,7 @@ class Gaps:
     def _factor(self) -> Array:
         """Cholesky's lower factor of B; above the diagonal anything."""
         # The transpose is as Fortran stores it, and so its other half is what is known.
-        B = _inverse_block(self.whole.column, self.missing).T
+        B = inverse_block(self.whole.column, self.missing).T
         factor: Array = cho_factor(B, lower=True, overwrite_a=True, check_finite=False)[0]
         return factor
 
@@ -186,6 +186,10 @@ class Gaps:
         """L⁻¹, by which B⁻¹ = L⁻ᵀ L⁻¹ is the covariance of what is missing, given the rest."""
         return np.triu(dtrtri(self._factor, lower=1)[0].T).T
 
+    def inverse(self) -> Array:
+        """Return B⁻¹."""
+        return self._root.T @ self._root
+
     def variances(self) -> Array:
         """Return the variances of what is missing, given what is observed."""
         return np.vecdot(self._root.T, self._root.T)
@@ -215,7 +219,7 @@ class Gaps:
         dx = -A⁻¹ dA x.
         """
         x = self.whole.column.x
-        by_x = _by_column(x, self.missing, dlauum(self._root, lower=1)[0].T)
+        by_x = by_column(x, self.missing, dlauum(self._root, lower=1)[0].T)
         circle = circle_of(2 * len(x) - 1, x.dtype)
         p, q = circle.values(x), circle.values(self.whole.column.solve(by_x[np.newaxis])[0])
         lost = circle.coefficients(p.real * q.real + p.imag * q.imag, len(x))
@@ -254,6 +258,11 @@ class Few:
         X = np.zeros_like(Y)
         X[:, self.index] = cho_solve((self._factor, True), Y[:, self.index].T).T
         return X, np.vecdot(Y, X)
+
+    def divide(self, B: Array) -> Array:
+        """Return A_oo⁻¹ B."""
+        quotient: Array = cho_solve((self._factor, True), B)
+        return quotient
 
     def estimate(self, Y: Rows) -> Rows:
         """Return A α."""
@@ -435,7 +444,7 @@ def observe(
     return Many(A, mask, noise)
 
 
-def _inverse_block(column: SharpColumn, index: Array) -> Array:
+def inverse_block(column: SharpColumn, index: Array) -> Array:
     """Return the rows and columns of A⁻¹ at some positions, in ascending order.
 
     What is below the diagonal is not set. By the Gohberg-Semencul formula each row follows from the
@@ -474,7 +483,7 @@ def _inverse_block(column: SharpColumn, index: Array) -> Array:
     return B
 
 
-def _by_column(x: Array, index: Array, inverse: Array) -> Array:
+def by_column(x: Array, index: Array, inverse: Array) -> Array:
     """Return the derivatives of log det B by x, B = (A⁻¹)_mm at the positions m of `index`.
 
     The Gohberg-Semencul formula is B = E (Σ_s (Zˢ x) (Zˢ x)ᵀ - (Zˢ y) (Zˢ y)ᵀ) Eᵀ/x₀, where

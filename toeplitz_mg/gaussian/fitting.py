@@ -1,0 +1,346 @@
+"""Fits of a covariance and a mean to a series: estimates with errors, a table, predictions."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.gaussian.labels import Labels
+from toeplitz_mg.gaussian.observed import warn_of_rounding
+from toeplitz_mg.gaussian.scoring import Covariance, Data, Search, Transform, find_dependent
+from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.solvers.szego import LogDeterminant, warn_of_error
+from toeplitz_mg.values import count, numbers, real
+
+METHODS = "ml", "reml"
+TRENDS = "constant", "linear"
+RANK = 1e-10  # Part of a regressor that others have not, below which it has none of its own.
+WIDTH = 78  # Characters of a line of a summary.
+
+
+@dataclass(frozen=True)
+class Mean:
+    """The mean of a fit: an offset that is known, and regressors.
+
+    Attributes
+    ----------
+    trend : str
+        One of `TRENDS`, or empty.
+    offset : ndarray
+        It broadcasts to the shape of the grid.
+    X : ndarray of shape (n, k), or of fields (n1, n2, ..., k)
+        Regressors that were given.
+    names : tuple of str
+        Those of all coefficients.
+    """
+
+    trend: str
+    offset: Array
+    X: Array
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, mean: Any, X: Any, shape: tuple[int, ...]) -> "Mean":
+        """Check what a user gives."""
+        trend = mean if isinstance(mean, str) else ""
+        offset = np.zeros(()) if trend else _finite("mean", mean)
+        if trend and trend not in TRENDS:
+            raise ValueError(f"mean is {mean!r}, but must be one of {TRENDS}, or numbers")
+        columns = np.empty((*shape, 0)) if X is None else _columns(X, shape)
+        given = getattr(X, "columns", [f"x{k + 1}" for k in range(columns.shape[-1])])
+        slopes = ["slope"] if len(shape) == 1 else [f"slope.{k}" for k in range(len(shape))]
+        names = ["mean"] * bool(trend) + slopes * (trend == "linear") + [*map(str, given)]
+        result = cls(trend, offset, columns, tuple(names))
+        result.known(shape)
+        return result
+
+    def known(self, shape: tuple[int, ...]) -> Array:
+        """Return the offset on a grid."""
+        try:
+            return np.broadcast_to(self.offset, shape)
+        except ValueError:
+            raise ValueError(
+                f"mean has shape {self.offset.shape}, but must broadcast to {shape}; regressors "
+                "stand in X"
+            ) from None
+
+    def rows(self, shape: tuple[int, ...], more: Any = None) -> Rows:
+        """Return the regressors on a grid, each a row; `more` are those of steps that follow."""
+        trend = np.ones((int(bool(self.trend)), *shape))
+        if self.trend == "linear":
+            trend = np.concatenate([trend, np.indices(shape, dtype=np.float64)])
+        steps, X = shape[0] - len(self.X), self.X
+        if X.shape[-1] and steps:
+            if more is None:
+                raise ValueError(f"X is not given for the {steps} steps that follow, but must be")
+            X = np.concatenate([X, _columns(more, (steps,), X.shape[-1])])
+        return np.concatenate(
+            [trend.reshape(len(trend), prod(shape)), X.reshape(prod(shape), -1).T]
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class NormalFit:
+    """A fit of a covariance, and of a mean, to a series: what `ToeplitzNormal.fit` returns.
+
+    Attributes
+    ----------
+    process : ToeplitzNormal
+        The distribution with the estimates.
+    covariance : Covariance
+        The covariance with the estimates.
+    params : dict of str to float
+        The estimates: those of the parameters of the covariance, then the coefficients of the mean.
+    params_covariance : ndarray
+        Their covariance matrix, in this order: the inverse of Fisher's information. NaN for
+        parameters at a bound.
+    loglikelihood : float
+        The logarithm of the likelihood, or of the restricted one.
+    method : str
+        "ml" or "reml".
+    n_observed : int
+        The number of observed values.
+    converged : bool
+    iterations : int
+        Steps of the search.
+    at_bounds : tuple of str
+        Parameters whose likelihood is largest at a bound.
+
+    See Also
+    --------
+    ToeplitzNormal
+    """
+
+    process: Any
+    covariance: Any
+    params: dict[str, float]
+    params_covariance: Array
+    loglikelihood: float
+    method: str
+    n_observed: int
+    converged: bool
+    iterations: int
+    at_bounds: tuple[str, ...]
+    _mean: Mean
+    _labels: Labels
+
+    def __repr__(self) -> str:
+        return f"<NormalFit {', '.join(f'{name} {x:.4g}' for name, x in self.params.items())}>"
+
+    @property
+    def std_errors(self) -> dict[str, float]:
+        """The standard errors of the estimates."""
+        errors = np.sqrt(self.params_covariance.diagonal())
+        return dict(zip(self.params, errors.tolist(), strict=True))
+
+    @property
+    def aic(self) -> float:
+        """Akaike's information criterion; a restricted likelihood has no coefficients."""
+        return 2.0 * self._sizes[0] - 2.0 * self.loglikelihood
+
+    @property
+    def bic(self) -> float:
+        """The Bayesian information criterion; a restricted likelihood has no coefficients."""
+        return float(np.log(self._sizes[1])) * self._sizes[0] - 2.0 * self.loglikelihood
+
+    @property
+    def _sizes(self) -> tuple[int, int]:
+        less = len(self._mean.names) if self.method == "reml" else 0
+        return len(self.params) - less, self.n_observed - less
+
+    def intervals(self, confidence: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Return confidence intervals of the estimates.
+
+        Those of the covariance are of its transformed parameters, logarithms where there is one
+        bound and logits where there are two, so that no interval leaves the bounds.
+        """
+        z, errors = _quantile(confidence), np.array([*self.std_errors.values()])
+        estimates, p = np.array([*self.params.values()]), len(self.covariance.theta)
+        low, high = estimates - z * errors, estimates + z * errors
+        if p:
+            transform = Transform.of(self.covariance)
+            u = transform.forward(estimates[:p])
+            margin = z * errors[:p] / transform.slopes(u)
+            low[:p], high[:p] = transform.back(u - margin), transform.back(u + margin)
+        ends = zip(low.tolist(), high.tolist(), strict=True)
+        return dict(zip(self.params, ends, strict=True))
+
+    def summary(self, confidence: float = 0.95) -> str:
+        """Return a table of the estimates, as statsmodels prints it."""
+        head = (
+            ("Dep. Variable:", self._labels.name, "No. Observations:", f"{self.n_observed}"),
+            ("Model:", "ToeplitzNormal", "Log Likelihood", f"{self.loglikelihood:.3f}"),
+            ("Method:", self.method.upper(), "AIC", f"{self.aic:.3f}"),
+            ("Converged:", str(self.converged), "BIC", f"{self.bic:.3f}"),
+            ("Missing:", f"{self._labels.values.size - self.n_observed}", "", ""),
+        )
+        lines = [f"{'Gaussian Process Results':^{WIDTH}}".rstrip(), "=" * WIDTH]
+        lines += [f"{a:<16}{b:>22}  {c:<20}{d:>18}".rstrip() for a, b, c, d in head]
+        tail = f"[{0.5 - confidence / 2.0:.3g}", f"{0.5 + confidence / 2.0:.3g}]"
+        heads = ("coef", "std err", "z", "P>|z|", *tail)
+        wide = max(18, *map(len, self.params))
+        lines += ["=" * WIDTH, " " * wide + "".join(f"{h:>10}" for h in heads), "-" * WIDTH]
+        for (name, x), error, ends in zip(
+            self.params.items(),
+            self.std_errors.values(),
+            self.intervals(confidence).values(),
+            strict=True,
+        ):
+            z = x / error if error else np.nan
+            cells = (f"{_cell(x, 4)}", _cell(error), f"{z:.3f}", f"{2.0 * ndtr(-abs(z)):.3f}")
+            row = (*cells, *map(_cell, ends))
+            lines.append(f"{name:<{wide}}" + "".join(f"{cell:>10}" for cell in row))
+        lines.append("=" * WIDTH)
+        lines += [f"{name} is at a bound: it has no standard error." for name in self.at_bounds]
+        return "\n".join(lines)
+
+
+def fit_normal(
+    kind: Callable[[Array, Array], Any],
+    y: Any,
+    covariance: Covariance,
+    mean: Any,
+    X: Any,
+    method: str,
+    maxiter: int,
+) -> NormalFit:
+    """Return the fit of `ToeplitzNormal.fit`; `kind` is this class."""
+    if method not in METHODS:
+        raise ValueError(f"method is {method!r}, but must be one of {METHODS}")
+    if not hasattr(covariance, "values_and_gradient"):
+        raise TypeError(
+            f"covariance is {covariance!r}, but must be one of "
+            "toeplitz_mg.covariances: Custom is for a function of lags"
+        )
+    labels = Labels.of(y)
+    shape = labels.values.shape
+    if not shape or not prod(shape) or np.isinf(labels.values).any():
+        raise ValueError("y must be a series, or a field, of finite numbers, or NaN where missing")
+    model = Mean.of(mean, X, shape)
+    data, R, start = _arrange(labels.values, model, len(covariance.theta))
+    search = Search(data, covariance, method == "reml", count("maxiter", maxiter))
+    best, p = search.best, len(covariance.theta)
+    inverse = np.linalg.inv(best.factor.T @ R)
+    params = np.append(search.theta, start + np.linalg.solve(R, best.coefficients))
+    errors = np.full((len(params), len(params)), np.nan)
+    errors[:p, p:] = errors[p:, :p] = 0.0
+    errors[p:, p:] = inverse @ inverse.T
+    names = (*covariance.names, *model.names)
+    if len({*names}) < len(names):
+        raise ValueError(f"the parameters have the names {names}, but each must have its own")
+    at_bounds = tuple(np.asarray(covariance.names, dtype=object)[search.flat])
+    inside, is_known = np.ix_(*2 * [np.flatnonzero(~search.flat)]), True
+    if inside[0].size:
+        information = best.information[inside]
+        is_known = not find_dependent(information).any()
+        errors[inside] = np.linalg.inv(information) if is_known else np.nan
+    _warn(search, at_bounds, is_known)
+    trend = params[p:] @ model.rows(shape)
+    fitted = covariance.with_theta(search.theta)
+    return NormalFit(
+        process=kind(best.c, model.known(shape) + trend.reshape(shape)),
+        covariance=fitted,
+        params=dict(zip(names, params.tolist(), strict=True)),
+        params_covariance=errors,
+        loglikelihood=best.value,
+        method=method,
+        n_observed=data.n_observed,
+        converged=search.converged and is_known,
+        iterations=search.iterations,
+        at_bounds=at_bounds,
+        _mean=model,
+        _labels=labels,
+    )
+
+
+def _arrange(values: Array, model: Mean, parameters: int) -> tuple[Data, Array, Array]:
+    """Return what was observed, orthonormal regressors R⁻ᵀ X, R, and least squares of X."""
+    mask = ~np.isnan(values)
+    inside, X = mask.ravel(), model.rows(values.shape)
+    y = (values - model.known(values.shape)).ravel()[inside]
+    if len(y) <= len(X) + parameters:
+        raise ValueError(
+            f"y has {len(y)} observed values, but must have more than there are parameters, "
+            f"{parameters} of the covariance and {len(X)} of the mean"
+        )
+    sizes = np.linalg.norm(X[:, inside], axis=1)
+    Q, R = np.linalg.qr((X[:, inside] / np.where(sizes, sizes, 1.0)[:, np.newaxis]).T)
+    wrong = np.abs(R.diagonal()) <= RANK
+    if wrong.any():
+        raise ValueError(
+            f"the regressor {model.names[int(wrong.argmax())]} is a combination of those before it "
+            f"where y is observed, but must not be: {', '.join(model.names)}; mean=0.0 leaves the "
+            "constant out"
+        )
+    rows, residual = np.zeros(X.shape), np.zeros(inside.shape)
+    rows[:, inside] = Q.T
+    start = Q.T @ y
+    residual[inside] = y - Q @ start
+    if not np.linalg.norm(residual) > RANK * np.linalg.norm(y):
+        raise ValueError("y is a combination of the regressors, and has no variance to estimate")
+    R = R * sizes
+    return Data(residual, rows, mask), R, np.linalg.solve(R, start)
+
+
+def _warn(search: Search, at_bounds: tuple[str, ...], is_known: bool) -> None:
+    """Warn of what is doubtful about a fit."""
+    from scipy.optimize import OptimizeWarning  # It is slow to import.
+
+    known, rows = search.best.known, search.best.residual
+    if isinstance(known.log_determinant, LogDeterminant):
+        warn_of_error(known.log_determinant, len(search.data.y), stacklevel=5)
+    warn_of_rounding(ToeplitzOperator(search.best.c).norm_bound, *rows, stacklevel=5)
+    doubts = []
+    if not search.converged:
+        doubts.append(
+            f"the fit has not converged in {search.iterations} steps: start from other "
+            "values, as of covariance.with_theta(…), or raise maxiter"
+        )
+    if at_bounds:
+        doubts.append(
+            f"the likelihood is largest where {', '.join(at_bounds)} is at a bound: no standard "
+            "error is known; leave the term out, or hold the parameter"
+        )
+    if not is_known:
+        doubts.append("the parameters cannot be told apart at the estimate: no standard errors")
+    for doubt in doubts:
+        warnings.warn(doubt, OptimizeWarning, stacklevel=4)
+
+
+def _finite(name: str, values: Any) -> Array:
+    """Return numbers that are finite."""
+    array = numbers(name, values)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} is not finite somewhere")
+    return array
+
+
+def _columns(X: Any, shape: tuple[int, ...], columns: int | None = None) -> Array:
+    """Return regressors on a grid, the last axis that of the columns."""
+    array = _finite("X", X)
+    array = array[..., np.newaxis] if array.shape == shape else array
+    if array.shape[:-1] != shape or columns not in (None, array.shape[-1]):
+        number = "k" if columns is None else columns
+        raise ValueError(
+            f"X has shape {np.shape(X)}, but must have ({', '.join(map(str, shape))}, {number}): a "
+            "column for each regressor"
+        )
+    return array
+
+
+def _quantile(confidence: float) -> float:
+    """Return how many standard deviations an interval of this probability has on each side."""
+    confidence = real("confidence", confidence)
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence is {confidence}, but must be between 0 and 1")
+    return float(ndtri(0.5 + 0.5 * confidence))
+
+
+def _cell(x: float, digits: int = 3) -> str:
+    """Return a number as a table of statsmodels has it."""
+    return f"{x:.{digits}g}" if x and not 1e-4 <= abs(x) < 1e4 else f"{x:.{digits}f}"

@@ -1,0 +1,87 @@
+"""The numbers of a series with gaps, and its index if it is one of pandas."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.values import numbers
+
+
+@dataclass(frozen=True)
+class Labels:
+    """A series or field that is NaN where nothing was observed.
+
+    Attributes
+    ----------
+    values : ndarray of float64
+    series : pandas.Series or None
+        What was given, whose index comes out.
+    """
+
+    values: Array
+    series: Any = None
+
+    @classmethod
+    def of(cls, y: Any) -> "Labels":
+        """Take arrays, masked arrays, and Series whose index has equal steps."""
+        if hasattr(y, "columns"):
+            raise TypeError("y is a table, but must be a series: take one of its columns")
+        if hasattr(y, "iloc"):
+            _check_index(y.index)
+            return cls(y.to_numpy(dtype=np.float64, na_value=np.nan), y)
+        if np.ma.isMaskedArray(y) and y.dtype.kind in "buif":
+            return cls(np.ma.filled(y.astype(np.float64), np.nan))
+        return cls(numbers("y", y))
+
+    @property
+    def name(self) -> str:
+        """The name of the series."""
+        name = getattr(self.series, "name", None)
+        return "y" if name is None else str(name)
+
+    def wrap(self, values: Array) -> Any:
+        """Return values as what was given; where there are more of them the index goes on."""
+        if self.series is None:
+            return values
+        index = self.index(len(values) - len(self.values))
+        return type(self.series)(values, index=index, name=self.series.name)
+
+    def index(self, steps: int) -> Any:
+        """Return the index with so many steps more, or else the numbers from zero on."""
+        if self.series is None:
+            return np.arange(len(self.values) + steps)
+        index = self.series.index
+        if not steps:
+            return index
+        import pandas as pd  # It is there, as y is one of its series.
+
+        if isinstance(index, pd.DatetimeIndex):
+            freq = index.freq or pd.infer_freq(index)
+            return index.append(pd.date_range(index[-1], periods=steps + 1, freq=freq)[1:])
+        step = 1 if isinstance(index, pd.PeriodIndex) else index[-1] - index[-2]
+        return index.append(pd.Index([index[-1] + (k + 1) * step for k in range(steps)]))
+
+
+def _check_index(index: Any) -> None:
+    """Refuse an index with rows that are missing: a gap must be a NaN."""
+    import pandas as pd
+
+    if len(index) < 3:
+        return
+    if isinstance(index, pd.DatetimeIndex):
+        is_regular = index.freq is not None or pd.infer_freq(index) is not None
+    else:
+        ticks = index.asi8 if isinstance(index, pd.PeriodIndex) else index.to_numpy()
+        if ticks.dtype.kind not in "iufm":
+            raise TypeError(
+                f"the index of y has dtype {index.dtype}, but must be of numbers or times"
+            )
+        steps = np.diff(ticks) / (ticks[1] - ticks[0])
+        is_regular = bool(np.allclose(steps, 1.0))
+    if not is_regular:
+        raise ValueError(
+            "the index of y does not have equal steps, but must: rows that are missing become NaN "
+            "by y.asfreq('W') (or another frequency), or by y.reindex(range(first, last + 1))"
+        )

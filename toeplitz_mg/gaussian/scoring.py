@@ -1,0 +1,349 @@
+"""Likelihoods of covariances with parameters, restricted or not, and the search for the largest."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
+from scipy.special import expit
+
+from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.gaussian.information import (
+    approximate_information,
+    covariance_information,
+    information_of_contrasts,
+)
+from toeplitz_mg.gaussian.observed import Observed, Whole, observe
+from toeplitz_mg.operators import ToeplitzOperator
+
+PRECISE = 1e-8  # Squared length of a step, in standard errors, at which the search ends.
+ENOUGH = 1e-4  # The same, where rounding keeps the search from getting there.
+FLAT = 1e-8  # Information on a transformed parameter that has come to its bound.
+SINGULAR = 1e-9  # Least eigenvalue of the correlations of scores that can be told apart.
+LONGEST = 8.0  # Largest step of a search, in the logarithm of a parameter.
+MOST_REFUSED = 8  # Steps in turn that do not increase the likelihood: it is known no better.
+
+
+class Covariance(Protocol):
+    """What a fit needs of a covariance (`toeplitz_mg.covariances`)."""
+
+    names: Any
+    theta: Any
+    bounds: Any
+
+    def with_theta(self, theta: Any) -> Any:
+        """Return the same covariance with other values of the free parameters."""
+
+    def values_and_gradient(self, shape: Any) -> tuple[Array, Array]:
+        """Return the covariances by lags, and their derivatives by each parameter."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """A series, or field, that may have gaps, and regressors.
+
+    Attributes
+    ----------
+    y : ndarray of shape (n,)
+        Zero where it was not observed, and without what least squares tell of the regressors.
+    Q : ndarray of shape (k, n)
+        Orthonormal rows that span the regressors, zero where y was not observed.
+    mask : ndarray of bool
+        Where it was observed, of the shape of the grid.
+    """
+
+    y: Array
+    Q: Rows
+    mask: Mask
+
+    @cached_property
+    def n_observed(self) -> int:
+        """The number of observed points."""
+        return int(np.count_nonzero(self.mask))
+
+
+@dataclass(frozen=True)
+class Transform:
+    """Parameters without bounds: logarithms of distances to one bound, logits between two."""
+
+    bounds: Array
+    scale: Array  # Of the parameters that have no bounds.
+
+    @classmethod
+    def of(cls, covariance: Covariance) -> "Transform":
+        """Return that of the free parameters of a covariance; refuse what is not inside bounds."""
+        theta, bounds = np.asarray(covariance.theta), np.asarray(covariance.bounds)
+        low, high = bounds.reshape(-1, 2).T
+        for name, value, least, most in zip(covariance.names, theta, low, high, strict=True):
+            if not least < value < most:
+                raise ValueError(
+                    f"{name} starts at {value}, but must be between its bounds {least} and {most}"
+                )
+        return cls(bounds, np.maximum(np.abs(theta), 1.0))
+
+    def forward(self, theta: Array) -> Array:
+        """Return the transformed parameters."""
+        low, high = self.bounds.T
+        above = np.log(theta - low, out=np.zeros_like(theta), where=np.isfinite(low))
+        below = np.log(high - theta, out=np.zeros_like(theta), where=np.isfinite(high))
+        return np.where(self._is_free, theta / self.scale, above - below)
+
+    def back(self, u: Array) -> Array:
+        """Return the parameters."""
+        low, high = self.bounds.T
+        with np.errstate(over="ignore", invalid="ignore"):
+            near, far = low + (high - low) * expit(u), high - (high - low) * expit(-u)
+            values = self.scale * u, low + np.exp(u), high - np.exp(-u), near
+        return np.select([*self._kinds, u < 0.0], values, far)
+
+    def slopes(self, u: Array) -> Array:
+        """Return the derivatives of the parameters by the transformed ones."""
+        low, high = self.bounds.T
+        with np.errstate(over="ignore", invalid="ignore"):
+            between = (high - low) * expit(u) * expit(-u)
+            return np.select(self._kinds, (self.scale, np.exp(u), np.exp(-u)), between)
+
+    @property
+    def _is_free(self) -> Mask:
+        return np.isinf(self.bounds).all(axis=1)
+
+    @property
+    def _kinds(self) -> Sequence[Mask]:
+        return self._is_free, np.isinf(self.bounds[:, 1]), np.isinf(self.bounds[:, 0])
+
+
+@dataclass(frozen=True)
+class Point:
+    """The likelihood of a covariance, and its derivatives, at the best coefficients."""
+
+    data: Data
+    restricted: bool
+    c: Array
+    derivatives: Array  # Of the covariances by the parameters.
+
+    @cached_property
+    def known(self) -> Observed:
+        """What is known of the covariance of the observed points."""
+        if not (np.isfinite(self.c).all() and np.isfinite(self.derivatives).all()):
+            raise np.linalg.LinAlgError("the covariance is not finite")
+        if not self.c.flat[0] > 0.0:
+            raise np.linalg.LinAlgError(f"the variance is {self.c.flat[0]:g}, but must be positive")
+        return observe(Whole(ToeplitzOperator(self.c)), self.data.mask)
+
+    @cached_property
+    def _solved(self) -> Rows:
+        """A_oo⁻¹ y, and A_oo⁻¹ of each regressor."""
+        return self.known.solve(np.vstack([self.data.y, self.data.Q]))[0]
+
+    @cached_property
+    def factor(self) -> Array:
+        """Cholesky's lower factor of Q A_oo⁻¹ Qᵀ, the information on the coefficients."""
+        return np.linalg.cholesky(self._solved[1:] @ self.data.Q.T)
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Those of the regressors by generalised least squares."""
+        solution: Array = cho_solve((self.factor, True), self.data.Q @ self._solved[0])
+        return solution
+
+    @cached_property
+    def residual(self) -> tuple[Rows, Array]:
+        """α = A_oo⁻¹ r of the residual r, and rᵀ α."""
+        return self.known.solve((self.data.y - self.coefficients @ self.data.Q)[np.newaxis])
+
+    @cached_property
+    def value(self) -> float:
+        """The logarithm of the likelihood."""
+        size = self.data.n_observed - self.restricted * len(self.data.Q)
+        twice = self.residual[1][0] + self.known.logdet() + size * np.log(2.0 * np.pi)
+        if self.restricted:
+            twice += 2.0 * np.log(self.factor.diagonal()).sum()
+        return -0.5 * float(twice)
+
+    @cached_property
+    def gradient(self) -> Array:
+        """Its derivatives by the parameters."""
+        rows = self.residual[0]
+        if self.restricted:
+            rows = np.vstack([rows, self._whitened, np.zeros_like(rows)])
+        by_c = self.known.by_covariances(rows)
+        total: Array = by_c[0] + (by_c[1:-1] - by_c[-1]).sum(axis=0)
+        return self.derivatives.reshape(len(self.derivatives), -1) @ total
+
+    @cached_property
+    def information(self) -> Array:
+        """Fisher's information on the parameters."""
+        return covariance_information(self.known, self.derivatives) - self._taken
+
+    @cached_property
+    def near_information(self) -> Array:
+        """An approximation of it that takes less time where there are gaps."""
+        return approximate_information(self.known, self.derivatives) - self._taken
+
+    @property
+    def _whitened(self) -> Rows:
+        rows: Rows = solve_triangular(self.factor, self._solved[1:], lower=True)
+        return rows
+
+    @cached_property
+    def _taken(self) -> Array | float:
+        if not self.restricted or not len(self.data.Q):
+            return 0.0
+        return information_of_contrasts(
+            self.known, self._whitened, self.data.mask.ravel(), self.derivatives
+        )
+
+
+class Search:
+    """A search for the largest likelihood, by steps of Fisher's scoring in a trust region.
+
+    Attributes
+    ----------
+    u : ndarray of shape (p,)
+        The transformed parameters that were found.
+    flat : ndarray of bool
+        Which parameters have come to a bound.
+    iterations : int
+    converged : bool
+    """
+
+    def __init__(self, data: Data, covariance: Covariance, restricted: bool, maxiter: int) -> None:
+        self.data, self.covariance, self.restricted = data, covariance, restricted
+        self._points: dict[bytes, Point | None] = {}
+        self.u = np.empty(0)
+        self.flat, self.iterations, self.converged = np.empty(0, dtype=bool), 0, True
+        self._transform = Transform.of(covariance)
+        if len(theta := np.asarray(covariance.theta, dtype=np.float64)):
+            self._run(theta, maxiter)
+
+    def point(self, theta: Array) -> Point:
+        """Return the likelihood of these parameters."""
+        shape = self.data.mask.shape
+        covariance = self.covariance.with_theta(theta)
+        c, derivatives = covariance.values_and_gradient(shape if len(shape) > 1 else shape[0])
+        return Point(self.data, self.restricted, np.asarray(c), np.asarray(derivatives))
+
+    @cached_property
+    def theta(self) -> Array:
+        """The parameters that were found."""
+        return self._transform.back(self.u) if len(self.u) else self.u
+
+    @cached_property
+    def best(self) -> Point:
+        """The likelihood there."""
+        return self._points.get(self.u.tobytes()) or self.point(self.theta)
+
+    def _run(self, theta: Array, maxiter: int) -> None:
+        from scipy.optimize import minimize  # It is slow to import.
+
+        theta = self._rescale(theta)
+        self.u = self._transform.forward(theta)
+        self._points[self.u.tobytes()] = self._identify(theta)
+        refused = 0
+
+        def look(intermediate_result: Any) -> None:
+            nonlocal refused
+            x = intermediate_result.x
+            refused = refused + 1 if np.array_equal(x, self.u) else 0
+            self.u = x.copy()
+            if self._decrement() <= PRECISE or refused >= MOST_REFUSED:
+                raise StopIteration
+
+        found = minimize(
+            lambda u: np.inf if (point := self._at(u)) is None else -point.value,
+            self.u,
+            jac=self._slope,
+            hess=self._curvature,
+            method="trust-exact",
+            callback=look,
+            options={"maxiter": maxiter, "max_trust_radius": LONGEST, "gtol": 0.0},
+        )
+        self.iterations = int(found.nit)
+        self.converged = self._decrement() <= ENOUGH
+
+    def _at(self, u: Array) -> Point | None:
+        """Return the likelihood, or None where the covariance is not positive definite."""
+        key = u.tobytes()
+        if key not in self._points:
+            found = self._try(self._transform.back(u))
+            here = self.u.tobytes()  # All others are of no use any more.
+            self._points = {k: p for k, p in self._points.items() if k == here} | {key: found}
+        return self._points[key]
+
+    def _try(self, theta: Array) -> Point | None:
+        """Return the likelihood, or None where the covariance refuses parameters."""
+        try:
+            point = self.point(theta)
+            return point if np.isfinite(point.value) else None
+        except ValueError:  # A LinAlgError is one.
+            return None
+
+    def _slope(self, u: Array) -> Array:
+        point = self._at(u)
+        return np.zeros(len(u)) if point is None else -self._transform.slopes(u) * point.gradient
+
+    def _curvature(self, u: Array) -> Array:
+        point, slopes = self._at(u), self._transform.slopes(u)
+        return (
+            np.eye(len(u)) if point is None else point.near_information * np.outer(slopes, slopes)
+        )
+
+    def _decrement(self) -> float:
+        """Return the squared length of the next step, in standard errors."""
+        curvature, slope = self._curvature(self.u), self._slope(self.u)
+        self.flat = curvature.diagonal() < FLAT
+        rest = ~self.flat
+        step = np.linalg.lstsq(curvature[np.ix_(rest, rest)], slope[rest])[0]
+        return float(slope[rest] @ step)
+
+    def _rescale(self, theta: Array) -> Array:
+        """Return parameters of a multiple of the covariance whose likelihood is largest.
+
+        The parameters that multiply it are those θ of a 0/1 combination of θ ∂c that gives c.
+        """
+        point = self.point(theta)
+        c, slopes = point.c.ravel(), (theta * point.derivatives.T).T.reshape(len(theta), -1)
+        weights = np.rint(np.linalg.lstsq(slopes @ slopes.T, slopes @ c)[0])
+        chosen = weights == 1.0
+        if not (np.allclose(chosen @ slopes, c) and chosen.any()):
+            return theta
+        size = self.data.n_observed - self.restricted * len(self.data.Q)
+        scaled = np.where(chosen, point.residual[1][0] / size * theta, theta)
+        return scaled if self._try(scaled) is not None else theta
+
+    def _identify(self, theta: Array) -> Point:
+        """Return the likelihood at the start; refuse parameters that cannot be told apart.
+
+        Information may be singular at the start and nowhere else: so it is at a second place too.
+        """
+        first = self.point(theta)
+        wrong = find_dependent(first.information)
+        if wrong.any():
+            u = self._transform.forward(theta)
+            u += 0.1 * np.cos(np.arange(1.0, len(u) + 1.0))
+            second = self._try(self._transform.back(u))
+            wrong = wrong if second is None else find_dependent(second.information)
+        if wrong.any():
+            names = ", ".join(np.asarray(self.covariance.names)[wrong])
+            raise ValueError(
+                f"the parameters {names} cannot be told apart by what was observed, but each must "
+                "change the distribution in its own way: hold some of them, as "
+                "covariance.fix(name) does"
+                if np.count_nonzero(wrong) > 1
+                else f"the distribution does not depend on the parameter {names}, so that it "
+                f"cannot be estimated: hold it, as covariance.fix({names!r}) does"
+            )
+        return first
+
+
+def find_dependent(information: Array) -> Mask:
+    """Return which parameters have scores that depend linearly on each other."""
+    sizes = np.sqrt(np.maximum(information.diagonal(), 0.0))
+    if not sizes.all():
+        return sizes == 0.0
+    values, vectors = np.linalg.eigh(information / np.outer(sizes, sizes))
+    if values[0] > SINGULAR:
+        return np.zeros(len(sizes), dtype=bool)
+    return np.abs(vectors[:, 0]) > 0.1 * np.abs(vectors[:, 0]).max()
