@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 import tracemalloc
+from functools import partial
 from math import prod
 
 import numpy as np
@@ -246,13 +247,10 @@ def test_arrays_of_two_libraries_are_refused_by_name(xp):
         *(lambda f=f: f(A, B) for f in (operator.add, operator.sub, operator.matmul)),
         *(lambda f=f: f(B, A) for f in (operator.add, operator.sub, operator.matmul)),
         lambda: B + diags_array(np.arange(7.0)),
-        lambda: tmg.gmres(B, xp.asarray(ones)),
         lambda: tmg.multigrid(B),
-        lambda: tmg.default_preconditioner(B),
         lambda: tmg.select_preconditioner(B),
         lambda: tmg.spectral_preconditioner(B),
         lambda: tmg.tau_preconditioner(B),
-        lambda: tmg.toeplitz_inverse(B),
         lambda: tmg.jacobi_preconditioner(B),
     ):
         with pytest.raises(TypeError, match=name) as refusal:
@@ -267,7 +265,6 @@ KERNEL = {"element": (1.0, 1.0), "G": 1.0, "nu": 0.28}
 PRESS = {"element": (0.1, 0.1), "material": STEEL}
 ON_NUMPY_ALONE = {
     "solve_toeplitz c": lambda x: tmg.solve_toeplitz(x, np.ones(4)),
-    "solve_toeplitz b": lambda x: tmg.solve_toeplitz(np.eye(1, 4)[0], x),
     "normal_contact": lambda x: contact.normal_contact(x, force=1.0, periodic=True, **PRESS),
     "friction": lambda x: contact.friction(bound=x, shift=(1.0, 0.0), **PRESS),
     "friction shift": lambda x: contact.friction(bound=np.ones((4, 4)), shift=x, **PRESS),
@@ -282,6 +279,75 @@ def test_what_needs_numpys_arrays_names_both_libraries_and_the_way(xp, name):
     with pytest.raises(TypeError, match=f"is an array of {xp.__name__}, but .* numpy") as refusal:
         ON_NUMPY_ALONE[name](xp.asarray(np.ones(4)))
     assert "x.get()" in str(refusal.value)
+
+
+SYSTEMS = {
+    "symmetric": (kernel(700) ** 0.5,),
+    "general": ((1.0 + np.arange(700.0)) ** -1.1, 0.5 * (1.0 + np.arange(700.0)) ** -2.0),
+    "indefinite": (0.7 / (1.0 + np.arange(700.0)) - np.eye(1, 700)[0],),
+    "complex": (np.exp(0.3j * np.arange(700.0)) / (1.0 + np.arange(700.0)),),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_systems_and_inverses_are_those_on_numpy(xp, name):
+    given = SYSTEMS[name]
+    there, B = tuple(map(xp.asarray, given)), seeded(700, 2)
+    x, info = tmg.solve_toeplitz(there, xp.asarray(B), full_output=True)
+    expected = tmg.solve_toeplitz(given if len(given) == 2 else given[0], B)
+    assert info.residual <= 1e-11
+    assert_allclose(to_numpy(x), expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+    one = tmg.solve_toeplitz(there if len(there) == 2 else there[0], xp.asarray(B[:, 0]))
+    assert_allclose(to_numpy(one), to_numpy(x)[:, 0], rtol=0, atol=1e-9 * np.abs(expected).max())
+    if name == "indefinite":
+        return
+    inverse = tmg.toeplitz_inverse(tmg.ToeplitzOperator(*there))
+    assert_allclose(to_numpy(inverse @ xp.asarray(B)), expected, rtol=0, atol=1e-8)
+    if name == "symmetric":
+        assert_allclose(inverse.logdet, tmg.toeplitz_logdet(*given))
+
+
+@pytest.mark.parametrize("name", ["two axes", "mask", "components", "general"])
+def test_the_default_preconditioner_is_at_hand(xp, name):
+    A = OPERATORS[name](xp.asarray, np.float64)
+    b = xp.asarray(seeded(A.shape[0]))
+    if name == "general":
+        with pytest.raises(ValueError, match="must be symmetric"):
+            tmg.default_preconditioner(A)
+        return
+    residuals = []
+    _, info = tmg.cg(A, b, M=tmg.default_preconditioner(A), rtol=1e-8, residuals=residuals)
+    assert info == 0
+    assert len(residuals) <= 40
+
+
+@pytest.mark.slow
+def test_jax_differentiates_solutions_and_compiles_products():
+    jnp = load_library("jax.numpy")
+    jax = sys.modules["jax"]
+    k = np.arange(60)
+
+    def loss(t, solve):
+        c, r = jnp.exp(-k / t[0]) + t[1] * (k == 0), jnp.exp(-k / t[2])
+        return (solve(c, r, jnp.stack([jnp.sin(t[0] * k / 60.0), k / 60.0], axis=1)) ** 2).sum()
+
+    def by_dense(c, r, b):
+        lags = jnp.concatenate([r[:0:-1], c])
+        return jnp.linalg.solve(lags[k[:, None] - k + 59], b)
+
+    ours = partial(loss, solve=lambda c, r, b: tmg.solve_toeplitz((c, r), b))
+    theirs = partial(loss, solve=by_dense)
+    t = jnp.asarray([20.0, 0.5, 10.0])
+    for f in (jax.grad, lambda f: jax.jit(jax.grad(f))):
+        assert_allclose(f(ours)(t), f(theirs)(t), rtol=1e-9)
+    many = jnp.stack([t, 1.1 * t])
+    assert_allclose(jax.vmap(ours)(many), jax.vmap(theirs)(many), rtol=1e-9)
+    singular = jax.jit(lambda c: tmg.solve_toeplitz(c, jnp.ones(60)))(jnp.zeros(60))
+    assert np.isnan(singular).all()
+    A = tmg.ToeplitzOperator(jnp.exp(-k / 9.0))
+    assert_allclose(jax.jit(lambda x: A @ x)(1.0 * k), A @ jnp.asarray(1.0 * k), rtol=1e-12)
+    with pytest.raises(TypeError, match=r"c is traced by JAX.* make operators outside of jit"):
+        jax.jit(lambda c: tmg.ToeplitzOperator(c) @ c)(jnp.ones(4))
 
 
 def test_what_is_wrong_with_coefficients_is_told_as_on_numpy(xp):

@@ -1,6 +1,7 @@
 """Numbers and fields that a user gives: what they are, or what is wrong with them."""
 
 import reprlib
+import sys
 from operator import index
 from typing import Any, NoReturn
 
@@ -83,6 +84,12 @@ def is_foreign(values: Any) -> bool:
         return False
     home = type(values).__module__.partition(".")[0]
     return home in ("cupy", "torch") or hasattr(values, "__array_namespace__")
+
+
+def is_traced(*arrays: Any) -> bool:
+    """Whether one of these has no numbers yet, as JAX follows what is done with it."""
+    jax = sys.modules.get("jax")
+    return jax is not None and any(isinstance(array, jax.core.Tracer) for array in arrays)
 
 
 def name_library(values: Any) -> str:

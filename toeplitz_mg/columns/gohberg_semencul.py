@@ -4,6 +4,7 @@ The operator has the checks; its product is in circulants and skew-circulants.
 """
 
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -15,6 +16,7 @@ from toeplitz_mg.engine.transforms import plan_of
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
+from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.values import refuse_masked
 
@@ -229,3 +231,40 @@ def _extend(a: Array, length: int) -> Array:
     extended = np.zeros(length, a.dtype)
     extended[: len(a)] = a
     return extended
+
+
+class TriangularFactors(GridOperator):
+    """The same inverse on arrays of another library, as products of triangular Toeplitz matrices.
+
+    (L(x) U(y) - L(0, y_(n-1), …, y_1) U(0, x_(n-1), …, x_1))/x₀, where L has a first column, and U
+    a first row. A product costs four work units.
+
+    Parameters
+    ----------
+    G : GohbergSemencul
+    library : Library
+    """
+
+    def __init__(self, G: GohbergSemencul, library: Any) -> None:
+        self.G, self.x, self.y, self.is_hermitian = G, G.x, G.y, G.is_hermitian
+        super().__init__(G.dtype, G.grid_shape, 4.0, library=library)
+
+        def triangle(values: Array, is_lower: bool) -> ToeplitzOperator:
+            first = np.append(values[:1], 0.0 * values[1:])
+            pair = (values, first) if is_lower else (first, values)
+            return ToeplitzOperator(*map(library.from_numpy, pair))
+
+        u, w = (np.append(0.0 * a[:1], a[:0:-1]) for a in (G.x, G.y))
+        pairs = ((G.x / G.x[0], G.y), (w / -G.x[0], u))
+        self._factors = [(triangle(a, True), triangle(b, False)) for a, b in pairs]
+
+    def apply(self, V: Array, out: Array | None = None) -> Array:
+        """Multiply each row of `V` (see `GridOperator.apply`)."""
+        first, last = (L.apply(U.apply(V)) for L, U in self._factors)
+        return first + last
+
+    def _adjoint(self) -> "TriangularFactors":
+        return self if self.is_hermitian else TriangularFactors(self.G.H, self.library)
+
+    def __repr__(self) -> str:
+        return f"<TriangularFactors {self.shape[0]}, {self.dtype}>"

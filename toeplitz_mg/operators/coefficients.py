@@ -14,6 +14,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import Library, library_of
 from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.ranks import is_serial
+from toeplitz_mg.values import is_foreign, is_traced
 
 # Share of the largest number that a row may sum up to: the rest is for products.
 HEADROOM = 2.0**-8
@@ -292,6 +293,11 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
 
 def check_finite(values: ArrayLike, name: str) -> Array:
     """Return `values` as an array of finite numbers, of a dtype that a matrix may have."""
+    if is_foreign(values) and is_traced(values):
+        raise TypeError(
+            f"{name} is traced by JAX, and has no numbers yet, but must have them: make operators "
+            "outside of jit and grad, which may multiply by it; solve_toeplitz works inside them"
+        )
     library = library_of(values)
     array = library.read(name, values)
     dtype = library.dtype(array)

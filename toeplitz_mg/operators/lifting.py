@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Mask
+from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.operators.base import require_numpy, require_serial
 from toeplitz_mg.operators.coefficients import require_range
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonallyScaled
@@ -72,6 +73,14 @@ def coefficients_on_numpy(A: LinearOperator) -> LinearOperator:
     a = full.coefficients
     array = np.array(a.library.to_numpy(a.array))
     return restrict(ToeplitzOperator(replace(a, array=array), product=full._product), mask)
+
+
+def of_numpy(A: ToeplitzOperator) -> ToeplitzOperator:
+    """Return a Toeplitz matrix of any library on NumPy's arrays; one of NumPy's as it is."""
+    if A.library is NUMPY:
+        return A
+    a = A.coefficients
+    return ToeplitzOperator(replace(a, array=np.array(a.library.to_numpy(a.array))))
 
 
 def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
 
-from toeplitz_mg.operators import BlockDiagonal, ToeplitzSum
-from toeplitz_mg.operators.base import grid_of
+from toeplitz_mg.engine.arrays.library import NUMPY
+from toeplitz_mg.operators import BlockDiagonal, CoupledOperator, ToeplitzSum
+from toeplitz_mg.operators.base import grid_of, library_for
 from toeplitz_mg.operators.lifting import (
     check_hermitian,
     lift,
@@ -20,16 +21,19 @@ from toeplitz_mg.operators.lifting import (
 )
 from toeplitz_mg.operators.positivity import LAST_RESORT, precision
 from toeplitz_mg.operators.sums import average
-from toeplitz_mg.preconditioners.choice import Candidate, Plan, Selection, plan
+from toeplitz_mg.preconditioners.choice import Candidate, Make, Plan, Selection, plan
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
+from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.jacobi import ScaledIdentity
 from toeplitz_mg.preconditioners.trial import better_than_none
+from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
+from toeplitz_mg.values import count
 
 logger = logging.getLogger(__name__)
 
 
-@lift(accepts="Hermitian", parts=(), numpy_only=True)
+@lift(accepts="Hermitian", parts=())
 def default_preconditioner(
     A: LinearOperator, *, solves: int = 1, dtype: DTypeLike | None = None
 ) -> LinearOperator:
@@ -94,6 +98,9 @@ def default_preconditioner(
     Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
     is strong.
 
+    On arrays of other libraries it is FSAI on a mask, and cosine on a whole grid; T. Chan's
+    circulant where these are refused, and of complex matrices.
+
     Of FSAI for one solve it is that of 12 neighbours, for more that of as many as the kernel needs.
     It is not refused where they are not enough, as for a smooth covariance on a mask any other
     takes several times the iterations.
@@ -118,7 +125,31 @@ def default_preconditioner(
     >>> tmg.default_preconditioner(tmg.MaskedOperator(A, checkered)).shape
     (800, 800)
     """
+    if library_for(A) is not NUMPY:
+        count("solves", solves)
+        return _make_elsewhere(A, dtype)
     return _make(plan(A, solves), dtype)
+
+
+def _make_elsewhere(A: LinearOperator, dtype: DTypeLike | None) -> LinearOperator:
+    """Return the first that is not refused of those that arrays of any library have."""
+    full, mask = unwrap(A)
+    if isinstance(full, CoupledOperator):
+        check_hermitian(full)
+    else:
+        unwrap_toeplitz(A, check_hermitian)
+    is_mask = mask is not None and not mask.all()
+    functions: list[Make] = [cosine_preconditioner, chan_preconditioner]
+    if is_mask and len(grid_of(A)) <= 2 + isinstance(full, CoupledOperator):
+        functions.insert(0, fsai_preconditioner)
+    refusals = []
+    for function in functions:
+        try:
+            return function(A, dtype=dtype)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            logger.info("%s is refused: %s", function.__name__, error)
+            refusals.append(error)
+    raise refusals[-1]
 
 
 def select_preconditioner(A: LinearOperator, *, solves: int = 1) -> Selection:

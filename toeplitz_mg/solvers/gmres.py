@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.krylov_space import KrylovSpace
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.operators.base import require_numpy, require_serial
+from toeplitz_mg.operators.base import library_for, require_serial
 from toeplitz_mg.solvers.checks import Iterate, System, check_precision, check_system
 from toeplitz_mg.values import count
 
@@ -105,9 +105,8 @@ def gmres(
     (0, True, True)
     """
     require_serial("A", A)
-    require_numpy(A, "gmres")
     system = check_system(A, b, x0, M, rtol, atol, maxiter, residuals, callback)
-    restart = min(len(system.b), RESTART if restart is None else count("restart", restart))
+    restart = min(system.b.shape[0], RESTART if restart is None else count("restart", restart))
     by_iterations = _counts_iterations(callback, callback_type)
     state = Space(system, restart)
     if state.size_of_b == 0.0:
@@ -163,10 +162,11 @@ class Space(Iterate):
     """GMRES: the iterate of the least residual in a Krylov space of A M."""
 
     def __init__(self, system: System, restart: int | None = None) -> None:
-        dtype, n = check_precision(system), len(system.b)
+        dtype, n = check_precision(system), system.b.shape[0]
         super().__init__(system)
         most = min(n, system.maxiter if restart is None else restart)
-        self._space = KrylovSpace(_product(system), (n,), dtype, most)
+        basis = library_for(system.A).basis(system.b, dtype, most)
+        self._space = KrylovSpace(_product(system), basis)
         self._before = self.size
 
     def begin(self) -> None:
@@ -187,9 +187,8 @@ class Space(Iterate):
         with np.errstate(over="ignore", invalid="ignore"):
             z = self._space.solution()
             if self.system.M is not None:
-                apply_to_rows(self.system.M, z, z)
-            z *= self.scale
-            return self.x + z
+                z = apply_to_rows(self.system.M, z, z)
+            return self.x + z * self.scale
 
     def correct(self) -> None:
         """Replace x by the solution, if that is better, and compute the residual."""
@@ -205,5 +204,5 @@ def _product(system: System) -> Multiply:
     A, M = system.A, system.M
     if M is None:
         return partial(apply_to_rows, A)
-    between = np.empty(len(system.b), system.dtype)
+    between = system.vectors.zeros(system.b, system.dtype)
     return lambda v, out: apply_to_rows(A, apply_to_rows(M, v, between), out)

@@ -7,11 +7,11 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.columns import NEAR, Columns
 from toeplitz_mg.columns.first_column import SAFE_SIZES, double_line, find_columns
-from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul
+from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul, TriangularFactors
+from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
-from toeplitz_mg.operators.base import require_numpy
-from toeplitz_mg.operators.lifting import accept_any, unwrap_toeplitz
+from toeplitz_mg.operators.lifting import accept_any, of_numpy, unwrap_toeplitz
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.traits import decays_slowly
 from toeplitz_mg.solvers.cg import Descent
@@ -52,8 +52,11 @@ class ToeplitzInverse(GridOperator):
     toeplitz_logdet : the determinant alone.
     """
 
-    def __init__(self, A: ToeplitzOperator, G: GohbergSemencul, steps: int) -> None:
-        super().__init__(A.dtype, A.grid_shape, (1 + steps) * G.work + steps * A.work)
+    def __init__(
+        self, A: ToeplitzOperator, G: GohbergSemencul | TriangularFactors, steps: int
+    ) -> None:
+        work = (1 + steps) * G.work + steps * A.work
+        super().__init__(A.dtype, A.grid_shape, work, library=A.library)
         self.A = A
         self.G = G
         self.steps = steps
@@ -62,7 +65,8 @@ class ToeplitzInverse(GridOperator):
     def residual(self) -> float:
         """‖v - A A⁻¹v‖/‖v‖, measured for a vector v that is a constant and as much random."""
         v = (1.0 + np.random.default_rng(0).standard_normal(self.shape[0])).astype(self.dtype)
-        return norm(v - self.A.apply(self.apply(v))) / norm(v)
+        size, v = norm(v), self.library.from_numpy(v)
+        return float(self.vectors.norm(v - self.A.apply(self.apply(v)))) / size
 
     @property
     def logdet(self) -> float:
@@ -96,11 +100,11 @@ class ToeplitzInverse(GridOperator):
                 "a matrix only that is symmetric, or Hermitian, and positive definite"
             )
         x = self.G.x.astype(np.result_type(self.G.x, np.float64))
-        return sharpen(Columns(double_line(self.A), x))
+        return sharpen(Columns(_line_of(self.A), x))
 
     @cached_property
     def _logdet(self) -> LogDeterminant:
-        A = double_line(self.A)
+        A = _line_of(self.A)
         return log_determinant(A, lambda start: self._column)
 
     @property
@@ -173,6 +177,9 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     until its residual is 1e-12, or rounding, or decreases no more: by Newton's method, in one to
     five steps. So is the first row of a matrix that is not symmetric.
 
+    Of arrays of another library than NumPy's the column is found on the processor, and products are
+    made where the arrays are.
+
     Where the formula alone does not meet `rtol` and one step of refinement does, the refined
     operator is returned.
 
@@ -190,14 +197,13 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     >>> bool(np.linalg.norm(A @ (A_inverse @ B) - B) <= 1e-10 * np.linalg.norm(B))
     True
     """
-    require_numpy(A, "toeplitz_inverse")
     full, mask = unwrap_toeplitz(A, accept_any)
     if mask is not None:
         raise TypeError(
             "A is a MaskedOperator, whose inverse the formula does not give: use cg, or gmres, "
             "with chan_preconditioner(A)"
         )
-    line = double_line(full)
+    line = _line_of(full)
     if rtol is None:
         rtol = 1e-10 if full.dtype.char in "dD" else 1e-3
     rtol = positive("rtol", rtol)
@@ -205,7 +211,8 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     if full.dtype != line.dtype:
         row = None if G.is_hermitian else G.y.astype(full.dtype)
         G = GohbergSemencul(G.x.astype(full.dtype), row)
-    inverse = ToeplitzInverse(full, G, 0)
+    on_own = G if full.library is NUMPY else TriangularFactors(G, full.library)
+    inverse = ToeplitzInverse(full, on_own, 0)
     if not inverse.residual <= rtol:
         inverse = inverse.refined
     if not inverse.residual <= rtol:
@@ -217,6 +224,11 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
             + (f": rtol={10.0 * inverse.residual:.0e} takes it" if small else "")
         )
     return inverse
+
+
+def _line_of(A: ToeplitzOperator) -> ToeplitzOperator:
+    """Return the matrix in double precision, with NumPy's coefficients."""
+    return double_line(of_numpy(A))
 
 
 def first_columns(A: ToeplitzOperator, start: Array | None = None) -> Columns:

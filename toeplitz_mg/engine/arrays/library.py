@@ -15,6 +15,7 @@ from numpy.typing import DTypeLike
 from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.krylov_space import Basis
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.passes import PanelPasses
 from toeplitz_mg.engine.products import (
@@ -51,6 +52,10 @@ class NumPy:
     dense, passes = DENSE, PanelPasses
     diagonalise, cosine_sums = staticmethod(DiagonalisedProduct), staticmethod(cosine_sums)
     multiply_rows = staticmethod(multiply_rows)
+
+    def basis(self, like: Array, dtype: DTypeLike, most: int) -> Basis:
+        """Return memory for the vectors of a Krylov space, which are as another."""
+        return Basis(like.shape, dtype, most)
 
     def __reduce__(self) -> str:
         return "NUMPY"

@@ -58,6 +58,7 @@ class Plain:
         self.cosine_sums, self.invert = partial(cosine_sums, self), partial(truediv, 1.0)
         self.diagonalise = partial(PlainDiagonalised, self)
         self.passes = partial(PlainPasses, self)
+        self.basis = PlainBasis
 
     @classmethod
     def of(cls, array: Any) -> "Plain":
@@ -278,3 +279,44 @@ class PlainVectors:
         y *= a
         y += x
         return y
+
+
+class PlainBasis:
+    """Vectors of a basis (see `engine.krylov_space.Basis`)."""
+
+    def __init__(self, like: Any, dtype: DTypeLike, most: int) -> None:
+        self.library = Plain.of(like)
+        self.norm, self.most = self.library.vectors.norm, most
+        self.vectors: list[Any] = []
+        self._zero = self.library.xp.zeros_like(like, dtype=self.library.native(dtype))
+        self.dtype = self.library.dtype(self._zero)
+
+    def memory(self, k: int) -> Any:
+        """Return what has the shape and the dtype of a product."""
+        return self._zero
+
+    def take(self, k: int, w: Any) -> Any:
+        """Return the vector, in the precision of the basis."""
+        return self.library.cast(w, self.dtype)
+
+    def put(self, k: int, w: Any, size: float) -> None:
+        """Keep w divided by a number as the vector k; by infinity as zeros."""
+        self.vectors[k:] = [self._zero if size == inf else w / size]
+
+    def dots(self, k: int, w: Any) -> Array:
+        """Return the inner products of the first k vectors with another, by one transfer."""
+        xp, conj = self.library.xp, self.library.conj
+        double = np.result_type(self.dtype, np.float64)
+        native = self.library.native(double)
+        sums = xp.stack([xp.sum(conj(v) * w, dtype=native) for v in self.vectors[:k]])
+        return self.library.to_numpy(sums).astype(double)
+
+    def add(self, weights: Array, w: Any) -> Any:
+        """Return w and the combination of the first vectors with these weights."""
+        for a, v in zip(weights.tolist(), self.vectors, strict=False):
+            w = w + a * v
+        return w
+
+    def zeros(self) -> Any:
+        """Return a vector of zeros."""
+        return self._zero

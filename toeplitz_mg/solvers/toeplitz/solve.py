@@ -14,6 +14,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.ranks import is_serial
 from toeplitz_mg.solvers.checks import check_numbers
+from toeplitz_mg.solvers.toeplitz.elsewhere import solve_elsewhere
 from toeplitz_mg.solvers.toeplitz.levinson import is_faster_at_once, solve_at_once
 from toeplitz_mg.solvers.toeplitz.methods import METHODS, RECURSION, Method
 from toeplitz_mg.solvers.toeplitz.refinement import (
@@ -30,7 +31,7 @@ from toeplitz_mg.solvers.toeplitz.refinement import (
 from toeplitz_mg.solvers.toeplitz.scaling import exponents, scale_back
 from toeplitz_mg.solvers.toeplitz.sizes import CORRECTED, SHORT
 from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
-from toeplitz_mg.values import real, refuse_masked
+from toeplitz_mg.values import is_foreign, real, refuse_masked
 
 UNUSED = 1100  # Minus the exponent given to zeros, smaller than that of any float64.
 
@@ -124,6 +125,10 @@ def solve_toeplitz(
 
     Notes
     -----
+    Arrays of CuPy, torch and JAX are solved for where they are, one system at a time, by CG with
+    `default_preconditioner`, or GMRES. Inside `jax.jit`, `jax.grad` and `jax.vmap` a callback
+    solves, with derivatives by c, r and b; what has no solution is NaN there.
+
     The residual of every answer is computed, and corrected if need be. Nothing is timed to decide:
     the same call gives the same bits in every process on one machine.
 
@@ -140,6 +145,9 @@ def solve_toeplitz(
     """
     if rtol is not None and not 0.0 < real("rtol", rtol) < 1.0:
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
+    if is_foreign(b):
+        elsewhere = solve_elsewhere(c_or_cr, b, rtol, solve_toeplitz)
+        return elsewhere if full_output else elsewhere[0]
     c, r, b = _read(c_or_cr, b)
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
     if c.size <= SHORT and (done := _solve_short(c, r, b, rtol)) is not None:
