@@ -181,27 +181,27 @@ def arma(
     p, q = len(ar), len(ma)
     size = max(p, q) + 1
     many = max(n, size + 1)
-    right: Derivatives = {}  # The sums over i, or what is in their place in the derivatives.
+    right = {}  # The sums over i, or what is in their place in the derivatives.
     with localcontext(Context(prec=DIGITS)):
         phi = [Decimal(1), *(-Decimal(c) for c in ar)]
         theta = [Decimal(1), *map(Decimal, ma)]
-        inverse, psi = divide([Decimal(1)], phi, q + 1), divide(theta, phi, q + 1)
-        response = divide(list(psi), phi, q + 1)
+        psi = divide(theta, phi, q + 1)
+        series = psi, divide(psi, phi, q + 1), divide([Decimal(1)], phi, q + 1)
+        values, by_phi, by_theta = (correlate(theta, x, 2 * size) for x in series)
         equations = np.full((p + 1, p + 1), Decimal(0))
         for k, j in np.ndindex(p + 1, p + 1):
             equations[k, abs(k - j)] += phi[j]
         solution = invert(equations)
-        right[""] = correlate(theta, psi, size)
-        first = {"": solution @ right[""][: p + 1]}
+        right[""] = values[:size]
+        start = solution @ right[""][: p + 1]
         for j in range(1, p + 1):
-            if (name := f"ar.L{j}") in wanted:
-                right[name] = correlate(theta, delay(response, j), size)
-                right[name][: p + 1] += first[""][abs(np.arange(p + 1) - j)]
+            right[f"ar.L{j}"] = by_phi[j : j + size].copy()
+            right[f"ar.L{j}"][: p + 1] += start[abs(np.arange(p + 1) - j)]
         for j in range(1, q + 1):
-            if (name := f"ma.L{j}") in wanted:
-                right[name] = correlate(theta, delay(inverse, j), size)
-                right[name][: j + 1] += psi[j::-1]
-        first |= {name: solution @ right[name][: p + 1] for name in right}
+            right[f"ma.L{j}"] = by_theta[j : j + size].copy()
+            right[f"ma.L{j}"][: j + 1] += psi[j::-1]
+        right = {name: right[name] for name in right if name in {"", *wanted}}
+        first = {name: solution @ right[name][: p + 1] for name in right}
 
     found: Derivatives = {}
     for name, beginning in right.items():
@@ -225,7 +225,7 @@ def recur(first: Array, drive: Array, ar: Sequence[float]) -> Array:
     return np.append(first, lfilter([1.0], phi, drive[len(first) :], zi=state)[0])
 
 
-def divide(x: Sequence[Decimal], phi: Sequence[Decimal], n: int) -> Array:
+def divide(x: Sequence[Decimal] | Array, phi: Sequence[Decimal], n: int) -> Array:
     """Return the first n terms of the series x/φ."""
     y = np.full(n, Decimal(0))
     y[: len(x)] = x
@@ -233,11 +233,6 @@ def divide(x: Sequence[Decimal], phi: Sequence[Decimal], n: int) -> Array:
         for j in range(1, min(k, len(phi) - 1) + 1):
             y[k] -= phi[j] * y[k - j]
     return y
-
-
-def delay(x: Array, j: int) -> Array:
-    """Return the series x times zʲ, to its length."""
-    return np.append(np.full(j, Decimal(0)), x)[: len(x)]
 
 
 def correlate(theta: Sequence[Decimal], x: Array, n: int) -> Array:
