@@ -69,7 +69,7 @@ def test_takes_and_returns_what_scipy_does(form):
     assert (abs(x - expected) <= 1e-9 * scale).all()
     y, info = tmg.solve_toeplitz(c_or_cr, b, True, full_output=True)
     assert_allclose(y, x, rtol=1e-9)
-    assert info.residual <= 1e-12
+    assert np.max(info.residual) <= 1e-12
 
 
 @pytest.mark.parametrize("layout", [lambda b: np.repeat(b, 2, axis=0)[::2], np.asfortranarray])
@@ -373,16 +373,37 @@ def frames(systems, n, seed=5):
 
 
 @pytest.mark.parametrize("columns", [1, 3])
+@pytest.mark.parametrize("kind", ["symmetric", "Hermitian", "general"])
 @pytest.mark.parametrize(("systems", "n"), [(60, 1), (200, 12), (8000, 9), (150, 64)])
-def test_every_system_is_solved(systems, n, columns):
+def test_every_system_is_solved(systems, n, columns, kind):
     c, b = frames(systems, n)
+    r = {"symmetric": c, "Hermitian": c, "general": c * 0.7 ** np.arange(n)}[kind]
+    if kind == "Hermitian":
+        c = c * np.exp(0.3j * np.arange(n))
+        r = c.conj()
     b = b[..., np.newaxis] * (1.0 + np.arange(columns))
-    x, info = tmg.solve_toeplitz(c, b, full_output=True)
-    A = np.stack([scipy.linalg.toeplitz(column) for column in c])
-    residuals = np.linalg.norm(A @ x - b, axis=1) / np.linalg.norm(b, axis=1)
-    assert residuals.max() <= 1e-12
-    assert info.residual == pytest.approx(residuals.max(), abs=1e-13)
-    assert info.backward_error <= info.residual
+    x, info = tmg.solve_toeplitz((c, r), b, full_output=True)
+    A = np.stack([scipy.linalg.toeplitz(*pair) for pair in zip(c, r, strict=True)])
+    residuals = (np.linalg.norm(A @ x - b, axis=1) / np.linalg.norm(b, axis=1)).max(axis=1)
+    assert residuals.max() <= 1e-10
+    assert info.residual.shape == (systems,)
+    assert_allclose(info.residual, residuals, rtol=0, atol=1e-11)
+    assert (info.backward_error <= info.residual).all()
+
+
+def test_a_singular_system_leaves_the_others_of_a_batch():
+    c, b = frames(100, 5)
+    c[7] = 0.0
+    expected = tmg.solve_toeplitz(np.delete(c, 7, axis=0), np.delete(b, 7, axis=0)[..., np.newaxis])
+    with pytest.raises(np.linalg.LinAlgError, match=r"of the system \(7,\)"):
+        tmg.solve_toeplitz(c, b[..., np.newaxis])
+    x, info = tmg.solve_toeplitz(c, b[..., np.newaxis], on_singular="nan", full_output=True)
+    assert np.isnan(x[7]).all()
+    assert np.isnan(info.residual[7])
+    assert_allclose(np.delete(x, 7, axis=0), expected, rtol=1e-12)
+    assert np.isnan(tmg.solve_toeplitz(c[7], b[7], on_singular="nan")).all()
+    with pytest.raises(ValueError, match="on_singular is 'zero', but must be"):
+        tmg.solve_toeplitz(c, b, on_singular="zero")
 
 
 def test_leading_axes_and_one_right_hand_side_for_all():
@@ -405,7 +426,7 @@ def test_what_the_recursion_does_not_solve_is_solved_alone():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         x, info = tmg.solve_toeplitz(c, b, full_output=True)
-    assert info.residual <= 1e-12
+    assert info.residual.max() <= 1e-12
     for k in range(10):
         exact = np.linalg.solve(scipy.linalg.toeplitz(c[k]), b[k])
         assert_allclose(x[k], exact, rtol=1e-9)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import toeplitz
 
-from toeplitz_mg.solvers.toeplitz.levinson import column_and_row_of_inverse, levinson_of_batch
+from toeplitz_mg.solvers.toeplitz.levinson import column_and_row_of_inverse
 
 
 def coefficients(kind, n):
@@ -35,12 +35,3 @@ def test_a_singular_leading_block_is_refused(c, r):
         column_and_row_of_inverse(np.array(c), np.array(r))
     with pytest.raises(np.linalg.LinAlgError, match=r"the leading [12] × [12] block is singular"):
         column_and_row_of_inverse(np.array([*c, 1.0]), np.array([*r, 2.0]))
-
-
-def test_the_recursion_for_all_solves_each():
-    rng = np.random.default_rng(2)
-    c, b = rng.standard_normal((7, 30)), rng.standard_normal((7, 2, 30))
-    c[0] = 5.0
-    x = levinson_of_batch(c, b)
-    for k in range(30):
-        assert_allclose(x[..., k], np.linalg.solve(toeplitz(c[:, k]), b[..., k]), rtol=1e-9)

@@ -77,31 +77,42 @@ def _public(lags: Array, b: Array) -> tuple[Array, None]:
     return x, None
 
 
-def levinson_of_batch(C: Array, B: Array) -> Array:
-    """Solve many symmetric systems at once; what has no solution is not finite.
+def levinson_of_batch(C: Array, R: Array | None, B: Array) -> Array:
+    """Solve many systems at once; what has no solution is not finite.
 
     Parameters
     ----------
     C : ndarray of shape (n, systems)
         The first columns, as columns.
+    R : ndarray of shape (n, systems), or None
+        The first rows, whose first entries are ignored; None for Hermitian matrices.
     B : ndarray of shape (n, k, systems)
         k right-hand sides of each.
     """
     n, systems = C.shape
-    x = np.zeros_like(B)
-    a = np.zeros((n, systems))  # The predictor: A a = (e, 0, …, 0) for the leading block.
-    a[0] = 1.0
-    e = C[0].copy()
+    x = np.zeros(B.shape, np.result_type(C, C if R is None else R, B))
+    # The predictors: A f = (e, 0, …, 0) and A g = (0, …, 0, e) for the leading block.
+    f, g, before = (np.zeros((n, systems), C.dtype) for _ in range(3))
+    f[0] = g[0] = 1.0
+    e = C[0].real.copy() if R is None else C[0].copy()
     x[0] = B[0] / e
     for k in range(1, n):
-        defect = np.einsum("ks,ks->s", a[:k], C[k:0:-1])
-        reflection = defect / e
-        a[: k + 1] -= reflection * a[k::-1]
-        e -= reflection * defect
-        # A times the flipped predictor is (0, …, 0, e).
-        flipped = a[k::-1]
-        step = np.einsum("ks,kcs->cs", flipped, B[: k + 1]) / e
-        x[: k + 1] += step * flipped[:, np.newaxis]
+        column = C[k:0:-1]
+        below = np.einsum("ks,ks->s", f[:k], column)
+        rest = B[k] - np.einsum("kcs,ks->cs", x[:k], column)
+        if R is None:
+            f[1 : k + 1] -= below / e * g[:k]
+            e = e - (below.conj() * below).real / e
+            np.conjugate(f[k::-1], out=g[: k + 1])
+        else:
+            above = np.einsum("ks,ks->s", g[:k], R[1 : k + 1])
+            before[1 : k + 1] = g[:k]
+            before[0] = 0.0
+            before[:k] -= above / e * f[:k]
+            f[1 : k + 1] -= below / e * g[:k]
+            g, before = before, g
+            e = e - below / e * above
+        x[: k + 1] += rest / e * g[: k + 1, np.newaxis]
     return x
 
 
@@ -127,42 +138,48 @@ def is_faster_at_once(systems: int, n: int) -> bool:
     return n <= LARGEST_AT_ONCE and systems >= max(FEWEST_AT_ONCE, 2 * n)
 
 
-def solve_at_once(c: Array, b: Array) -> Solutions:
-    """Solve symmetric systems by Levinson's recursion.
+def solve_at_once(c: Array, r: Array | None, b: Array) -> Solutions:
+    """Solve many systems by Levinson's recursion.
 
     Parameters
     ----------
-    c : ndarray of shape (systems, n), float64
-    b : ndarray of shape (systems, n, k), float64
+    c : ndarray of shape (systems, n), float64 or complex128
+    r : ndarray of the same kind, or None
+        The first rows; None for Hermitian matrices.
+    b : ndarray of shape (systems, n, k), float64 or complex128
     """
-    x = np.empty(b.shape)
+    x = np.empty(b.shape, np.result_type(c, c if r is None else r, b))
     residuals, backward_errors = np.empty((2, len(b)))
     size = max(1, NUMBERS_AT_ONCE // b[0].size)
+
+    def turn(a: Array) -> Array:
+        return np.ascontiguousarray(np.moveaxis(a[part], 0, -1))
+
     for start in range(0, len(b), size):
         part = slice(start, start + size)
         # A step of the recursion is then one operation for all systems.
-        columns, right = (np.ascontiguousarray(np.moveaxis(a[part], 0, -1)) for a in (c, b))
-        y = levinson_of_batch(columns, right)
+        C, R, B = turn(c), None if r is None else turn(r), turn(b)
+        y = levinson_of_batch(C, R, B)
         x[part] = np.moveaxis(y, -1, 0)
-        residuals[part], backward_errors[part] = _errors(columns, y, right)
+        residuals[part], backward_errors[part] = _errors(C, C.conj() if R is None else R, y, B)
     return Solutions(x, residuals, backward_errors)
 
 
-def _errors(c: Array, x: Array, b: Array) -> tuple[Array, Array]:
+def _errors(c: Array, r: Array, x: Array, b: Array) -> tuple[Array, Array]:
     """Return the residuals and the backward errors, shape (systems,), which is the last axis."""
     n, systems = c.shape
-    lags = np.concatenate([c[:0:-1], c])
+    lags = np.concatenate([r[:0:-1], c])
     step, next_one = lags.strides
     # A[i, j] is the lag i - j.
     A = np.ndarray((n, n, systems), lags.dtype, lags, (n - 1) * step, (step, -step, next_one))
-    r = b - np.einsum("ijs,jks->iks", A, x)
-    errors, of_x, of_b = (np.sqrt(np.einsum("nks,nks->ks", v, v)) for v in (r, x, b))
-    sizes = np.abs(c)
-    of_A = 2.0 * sizes.sum(axis=0) - sizes[0]
+    rest = b - np.einsum("ijs,jks->iks", A, x)
+    errors, of_x, of_b = (np.linalg.norm(v, axis=0) for v in (rest, x, b))
+    sizes = np.abs(lags)
+    of_A = sizes.sum(axis=0)
     low, high = USUAL
     is_usual = (low < of_A) & (of_A < high) & (low < of_b) & (of_b < high)
     is_known = is_usual & (EPS * of_A * of_x <= of_b)
-    of_lags = np.sqrt(2.0 * np.square(c).sum(axis=0) - np.square(c[0]))
+    of_lags = np.sqrt(np.square(sizes).sum(axis=0))
     rounding = EPS * (of_lags * of_x + 0.5 * of_b)  # As `ToeplitzSystem.rounding_of`.
     residuals = np.where(is_known, np.maximum(errors, rounding) / of_b, np.nan)
     return residuals.max(axis=0), (errors / (of_A * of_x + of_b)).max(axis=0)

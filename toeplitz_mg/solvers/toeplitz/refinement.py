@@ -24,7 +24,7 @@ MOST = 4  # Corrections, beyond which another method is tried: each takes as lon
 
 
 class SolveInfo(NamedTuple):
-    """How `solve_toeplitz` has solved a system.
+    """How `solve_toeplitz` has solved a system; of a batch each field is an array of its shape.
 
     Attributes
     ----------

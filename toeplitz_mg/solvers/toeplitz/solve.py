@@ -2,7 +2,7 @@
 
 import warnings
 from cmath import isfinite
-from math import inf, isnan
+from math import prod
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -33,6 +33,7 @@ from toeplitz_mg.solvers.toeplitz.sizes import CORRECTED, SHORT
 from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 from toeplitz_mg.values import is_foreign, real, refuse_masked
 
+AT_ONCE = "levinson for all at once"  # Name of the method of many small systems.
 UNUSED = 1100  # Minus the exponent given to zeros, smaller than that of any float64.
 
 
@@ -43,6 +44,7 @@ def solve_toeplitz(
     check_finite: bool = ...,
     *,
     rtol: float | None = ...,
+    on_singular: Literal["raise", "nan"] = ...,
     full_output: Literal[False] = ...,
 ) -> Array: ...
 @overload
@@ -52,6 +54,7 @@ def solve_toeplitz(
     check_finite: bool = ...,
     *,
     rtol: float | None = ...,
+    on_singular: Literal["raise", "nan"] = ...,
     full_output: Literal[True],
 ) -> tuple[Array, SolveInfo]: ...
 def solve_toeplitz(
@@ -60,6 +63,7 @@ def solve_toeplitz(
     check_finite: bool = True,
     *,
     rtol: float | None = None,
+    on_singular: Literal["raise", "nan"] = "raise",
     full_output: bool = False,
 ) -> Array | tuple[Array, SolveInfo]:
     """Solve A x = b for a Toeplitz matrix A: the drop-in for `scipy.linalg.solve_toeplitz`.
@@ -83,6 +87,9 @@ def solve_toeplitz(
         unknowns of which A is not symmetric and positive definite: what SciPy's recursion gives
         there, mostly to some 1e-9, is left as it is where its backward error, in proportion to the
         sizes of all coefficients, is below 2e-12. To correct it takes another recursion.
+    on_singular : {"raise", "nan"}
+        Whether a system that has no solution raises a LinAlgError, or has a solution of NaN, which
+        leaves those of the other systems of a batch.
     full_output : bool
         Whether to return a `SolveInfo` too.
 
@@ -91,7 +98,7 @@ def solve_toeplitz(
     x : ndarray of the shape of `b`, float64 or complex128
     info : SolveInfo
         Only with `full_output`: the fields `method`, `iterations`, `residual`, `backward_error`; of
-        a batch the largest of each.
+        a batch an array of its shape of each.
 
     Raises
     ------
@@ -150,25 +157,27 @@ def solve_toeplitz(
         return elsewhere if full_output else elsewhere[0]
     c, r, b = _read(c_or_cr, b)
     is_batch = c.ndim > 1 or r.ndim > 1 or b.ndim > 2
+    if on_singular not in ("raise", "nan"):
+        raise ValueError(f"on_singular is {on_singular!r}, but must be 'raise' or 'nan'")
     if c.size <= SHORT and (done := _solve_short(c, r, b, rtol)) is not None:
         return done if full_output else done[0]
     with np.errstate(all="ignore"):  # It is seen in the residual.
         if is_batch:
-            x, found = _solve_batch(c, r, b, check_finite, rtol)
+            x, info, worst = _solve_batch(c, r, b, check_finite, rtol, on_singular)
         else:
-            x, found = _solve(c, r, b, check_finite, rtol)
-    if doubtful := [info for info, is_doubtful in found if is_doubtful]:
-        info = max(doubtful, key=lambda info: info.residual)
+            x, found = _solve_unless_singular(c, r, b, check_finite, rtol, on_singular)
+            info, worst = found.info, found.info if found.is_doubtful else None
+    if worst is not None:
         reason = "A is ill-conditioned, and x may have few correct digits"
-        if rtol is None and info.backward_error > GOOD:
+        if rtol is None and worst.backward_error > GOOD:
             reason = "the recursion has lost digits of x, and with rtol=1e-12 another corrects them"
         warnings.warn(
-            f"‖b - A x‖/‖b‖ is {info.residual:.1e} although x is the solution of a system that "
-            f"differs from this one by {info.backward_error:.1e}: {reason}",
+            f"‖b - A x‖/‖b‖ is {worst.residual:.1e} although x is the solution of a system that "
+            f"differs from this one by {worst.backward_error:.1e}: {reason}",
             scipy.linalg.LinAlgWarning,
             stacklevel=2,
         )
-    return (x, _summarise([info for info, _ in found])) if full_output else x
+    return (x, info) if full_output else x
 
 
 def select_method(c_or_cr: Any, b: ArrayLike) -> Method:
@@ -235,16 +244,6 @@ def _read(c_or_cr: Any, b: ArrayLike) -> tuple[Array, Array, Array]:
     return c, r, b
 
 
-def _summarise(infos: list[SolveInfo]) -> SolveInfo:
-    """Return the largest errors of all systems of a batch, NaN where one is, and its method."""
-    if len(infos) == 1:
-        return infos[0]
-    # What is not a number is the worst.
-    worst = max(infos, key=lambda info: inf if isnan(info.residual) else info.residual)
-    errors = np.array([(info.residual, info.backward_error) for info in infos]).max(axis=0)
-    return SolveInfo(worst.method, max(info.iterations for info in infos), *errors.tolist())
-
-
 def _numbers(values: ArrayLike, name: str) -> Array:
     if type(values) is np.ndarray and values.dtype in (np.float64, np.complex128):
         return values  # Sooner than by what follows, which a small system would feel.
@@ -279,9 +278,12 @@ def _solve_short(
 
 
 def _solve_batch(
-    c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None
-) -> tuple[Array, list[Found]]:
-    """Solve each system of a batch, whose shapes are broadcast."""
+    c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None, on_singular: str
+) -> tuple[Array, SolveInfo, SolveInfo | None]:
+    """Solve each system of a batch, whose shapes are broadcast.
+
+    Return x, the arrays of what was done, and the worst of what is to be warned of.
+    """
     core = min(b.ndim, 2)
     shapes = f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but "
     if not c.shape[-1:] == r.shape[-1:] == b.shape[-core:][:1]:
@@ -297,35 +299,52 @@ def _solve_batch(
         ) from None
     if 0 in batch:
         raise ValueError(f"the batch has shape {batch}, but must not be empty")
-    is_symmetric = r is c or (c.shape == r.shape and np.array_equal(c[..., 1:], r[..., 1:]))
+    is_hermitian = c.shape == r.shape and not c[..., 0].imag.any()
+    is_hermitian = is_hermitian and (r is c or np.array_equal(c[..., 1:], r[..., 1:].conj()))
     c, r, b = (
         np.broadcast_to(a, batch + a.shape[a.ndim - k :]) for a, k in ((c, 1), (r, 1), (b, core))
     )
+    n, count = c.shape[-1], prod(batch)
     x = np.empty(b.shape, np.result_type(c, r, b))
-    found: list[Found] = []
-    rest = np.ones(batch, bool)
-    n = c.shape[-1]
-    is_plain = is_symmetric and x.dtype == np.float64 and x.size > 0 and n == b.shape[-core]
-    if is_plain and is_faster_at_once(rest.size, n):
-        y, residuals, backward_errors = solve_at_once(c.reshape(-1, n), b.reshape(rest.size, n, -1))
-        good = (residuals <= (rtol or RTOL)) | (
-            (backward_errors <= ROUNDING) & (residuals <= SINGULAR)
-        )
+    rest, is_doubtful = np.ones(count, bool), np.zeros(count, bool)
+    names, steps = np.full(count, AT_ONCE, object), np.ones(count, int)
+    errors = np.full((2, count), np.nan)
+    if x.size and is_faster_at_once(count, n):
+        rows = None if is_hermitian else r.reshape(-1, n)
+        y, residuals, backward = solve_at_once(c.reshape(-1, n), rows, b.reshape(count, n, -1))
+        errors[:] = residuals, backward
+        rest = ~((residuals <= (rtol or RTOL)) | ((backward <= ROUNDING) & (residuals <= SINGULAR)))
+        is_doubtful = ~rest & (residuals > max(ILL_CONDITIONED, rtol or RTOL))
         x[...] = y.reshape(b.shape)
-        rest[...] = ~good.reshape(batch)
-        if good.any():
-            errors = np.stack([residuals, backward_errors])[:, good]
-            for worst in errors.argmax(axis=1).tolist():  # By the one error and by the other.
-                info = SolveInfo("levinson for all at once", 1, *errors[:, worst].tolist())
-                found.append(Found(info, info.residual > max(ILL_CONDITIONED, rtol or RTOL)))
-    for k in np.argwhere(rest):
-        own = tuple(k.tolist())
+    for k in np.flatnonzero(rest):
+        own = tuple(map(int, np.unravel_index(k, batch)))
         try:
-            x[own], of_one = _solve(c[own], r[own], b[own], check_finite, rtol)
+            x[own], found = _solve_unless_singular(
+                c[own], r[own], b[own], check_finite, rtol, on_singular
+            )
         except np.linalg.LinAlgError as error:
             raise np.linalg.LinAlgError(f"of the system {own}: {error}") from None
-        found += of_one
-    return x, found
+        names[k], steps[k], *errors[:, k] = found.info
+        is_doubtful[k] = found.is_doubtful
+    fields: Any = (a.reshape(batch) for a in (names, steps, *errors))
+    if not is_doubtful.any():
+        return x, SolveInfo(*fields), None
+    worst = int(np.argmax(np.where(is_doubtful, errors[0], -1.0)))
+    info = SolveInfo(names[worst], int(steps[worst]), *errors[:, worst].tolist())
+    return x, SolveInfo(*fields), info
+
+
+def _solve_unless_singular(
+    c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None, on_singular: str
+) -> tuple[Array, Found]:
+    """Solve one system; with "nan" what is refused is not a number."""
+    try:
+        return _solve(c, r, b, check_finite, rtol)
+    except np.linalg.LinAlgError:
+        if on_singular == "raise":
+            raise
+        x = np.full(b.shape, np.nan, np.result_type(c, r, b))
+        return x, Found(SolveInfo("none", 0, np.nan, np.nan))
 
 
 def _solve(
@@ -336,11 +355,11 @@ def _solve(
     rtol: float | None,
     *,
     most_at_once: int = CORRECTED,
-) -> tuple[Array, list[Found]]:
+) -> tuple[Array, Found]:
     """Solve one system, with one right-hand side or many."""
     system = _arrange(c, r, b, most_at_once)
     if system is None:
-        return np.zeros(b.shape, np.result_type(c, r, b)), [Found(SolveInfo("none", 0, 0.0, 0.0))]
+        return np.zeros(b.shape, np.result_type(c, r, b)), Found(SolveInfo("none", 0, 0.0, 0.0))
     if system.is_of_usual_size and isfinite(r[0]):
         X, found = solve_system(system, rtol)
     elif system.is_complex and c.dtype == r.dtype == np.float64 and most_at_once:
@@ -351,8 +370,8 @@ def _solve(
     if system.parts == 2:
         X = X[: len(X) // 2] + 1j * X[len(X) // 2 :]
     elif b.ndim == 1:
-        return X, [found]
-    return np.ascontiguousarray(X.T.reshape(b.shape)), [found]
+        return X, found
+    return np.ascontiguousarray(X.T.reshape(b.shape)), found
 
 
 def _arrange(c: Array, r: Array, b: Array, most_at_once: int = CORRECTED) -> ToeplitzSystem | None:
