@@ -297,20 +297,17 @@ def find_spectrum(K: Any, transform: FieldTransform) -> Array:
 
     They are of the shape (frequencies, frequencies), those of a single axis along the last one.
     """
-    n, length = transform.grid[0], transform.lengths[0]
+    n, (length, *across) = transform.grid[0], transform.lengths
     fade, rows = _fade(transform), transform.rows
-    ahead, back = (half.copy() for half in transform.halves(K))
-    ahead /= fade
-    back *= fade
-    for half in (ahead, back):
+    factors = 1.0 / fade, fade
+    halves = [half * by for half, by in zip(transform.halves(K), factors, strict=True)]
+    for half in halves:
         half[rows > find_longest_lag(n, length)] = 0.0
-    back[rows == 0] = 0.0  # They are among those ahead.
-    fields = [
-        around(NUMPY, *split(NUMPY, half, 1, 0), 1, transform.lengths[1]) if half.ndim > 1 else half
-        for half in (ahead, back)
-    ]
+    halves[1][rows == 0] = 0.0  # The lag zero is in the first half.
+    for last in across:
+        halves = [around(NUMPY, *split(NUMPY, half, 1, 0), 1, last) for half in halves]
     count_work(2, transform.share * points_of_transform(*transform.lengths))
-    spectrum, of_back = transform.forward(np.array(fields))
+    spectrum, of_back = transform.forward(np.array(halves))
     spectrum += of_back.conj()
     bound_from_zero(spectrum, LEAST / n * transform.vectors.max(np.abs(spectrum)))
     return spectrum
