@@ -1,5 +1,6 @@
 """Preconditioners that a cosine or sine transform diagonalises, sampled from the symbol of A."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from toeplitz_mg.operators.positivity import (
     rounding,
 )
 from toeplitz_mg.operators.symbol import sample_symbol
+
+NAMES = "cosine", "sine"  # Of the transforms whose first sample is that number 0, or 1.
 
 
 @lift(accepts="symmetric")
@@ -122,14 +125,14 @@ def cosine_inverse(
     A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
 ) -> DiagonalisedOperator:
     """Return `cosine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _invert_samples(A, samples, ("cosine", "sine"), 0, dtype)
+    return _invert_samples(A, samples, 0, dtype)
 
 
 def sine_inverse(
     A: ToeplitzOperator, samples: Array, dtype: DTypeLike | None = None
 ) -> DiagonalisedOperator:
     """Return `sine_preconditioner` for samples of the symbol at θ = πk/n, k = 0 … n."""
-    return _invert_samples(A, samples, ("sine", "cosine"), 1, dtype)
+    return _invert_samples(A, samples, 1, dtype)
 
 
 def _sample_symbol(A: ToeplitzOperator) -> Array:
@@ -137,42 +140,59 @@ def _sample_symbol(A: ToeplitzOperator) -> Array:
 
 
 def _invert_samples(
-    A: ToeplitzOperator,
-    samples: Array,
-    names: tuple[str, str],
-    first: int,
-    dtype: DTypeLike | None,
+    A: ToeplitzOperator, samples: Array, first: int, dtype: DTypeLike | None
 ) -> DiagonalisedOperator:
-    dtype = precision(A, dtype)
-    (name, other), library = names, A.library
-    transforms = library.sine if first else library.cosine
-    shape = tuple(m - 1 for m in samples.shape)
-    eigenvalues = _take_eigenvalues(samples, first, dtype)
-    if not is_positive(eigenvalues, dtype):
-        advice = name_robust(A.grid_shape)
-        if is_positive(_take_eigenvalues(samples, 1 - first, dtype), dtype):
+    dtype, library, shape = precision(A, dtype), A.library, tuple(m - 1 for m in samples.shape)
+
+    def take(first: int) -> Array:
+        return samples[tuple(slice(first, first + n) for n in shape)]
+
+    advice = name_robust(A.grid_shape)
+    eigenvalues = take_eigenvalues(take, first, dtype, A.vectors, advice)
+    transforms = (library.cosine, library.sine)[first]
+    product = library.diagonalise(1.0 / eigenvalues, shape, A.grid_shape, dtype, transforms)
+    return DiagonalisedOperator(product, f"{NAMES[first]} transform")
+
+
+def take_eigenvalues(
+    take: Callable[[int], Array], first: int, dtype: np.dtype[Any], vectors: Any, advice: str
+) -> Array:
+    """Return samples of a symbol, lifted where that is right, or refuse what is not positive.
+
+    Parameters
+    ----------
+    take : callable
+        From the number of the first sample along each axis, 0 of the cosine and 1 of the sine
+        transform, to the samples, of which a rank may have some.
+    first : {0, 1}
+    vectors : Vectors
+        The extremes of samples on all ranks.
+    advice : str
+        What else there is for such a matrix.
+    """
+
+    def lifted(first: int) -> tuple[Array, Array]:
+        samples = lift_lowest(take(first), dtype, vectors)
+        return samples, np.array([vectors.min(samples), vectors.max(samples)], np.float64)
+
+    eigenvalues, extent = lifted(first)
+    if not is_positive(extent, dtype):
+        name, other = NAMES[first], NAMES[1 - first]
+        if is_positive(lifted(1 - first)[1], dtype):
             advice = f"{other}_preconditioner(A), or {advice}"
         subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
-        require_positive(eigenvalues, dtype, subject, advice)
-    product = library.diagonalise(1.0 / eigenvalues, shape, A.grid_shape, dtype, transforms)
-    return DiagonalisedOperator(product, f"{name} transform")
+        require_positive(extent, dtype, subject, advice)
+    return eigenvalues
 
 
-def _take_eigenvalues(samples: Array, first: int, dtype: np.dtype[Any]) -> Array:
-    """Return the n samples from k = `first` on, along each axis."""
-    return lift_lowest(samples[tuple(slice(first, first + m - 1) for m in samples.shape)], dtype)
-
-
-def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Any = None) -> Array:
+def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Any) -> Array:
     """Lift samples that are lost in rounding to what that is, unless one of them is negative.
 
     A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
     the lowest are as good as that rounding.
     """
-    library = library_of(samples)
-    vectors = vectors or library.vectors
     low, high = vectors.min(samples), vectors.max(samples)
     error = rounding(np.array([low, high]), dtype)
     if low > -error and vectors.count(samples < 25.0 * error) > 1:
-        samples = library.xp.maximum(samples, 1.01 * error)
+        samples = library_of(samples).xp.maximum(samples, 1.01 * error)
     return samples

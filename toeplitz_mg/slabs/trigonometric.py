@@ -10,15 +10,11 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
-from toeplitz_mg.operators.positivity import require_positive
-from toeplitz_mg.preconditioners.trigonometric import lift_lowest
+from toeplitz_mg.preconditioners.trigonometric import take_eigenvalues
 from toeplitz_mg.slabs.line import LongTransform
 from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
-from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.structure import ROBUST, restricted
 from toeplitz_mg.slabs.symbol import GridSymbol, sum_line
-
-NAMES = "cosine", "sine"  # Of the transforms whose first sample is that number 0, or 1.
 
 
 class DiagonalisedGrid(SlabOperator):
@@ -38,10 +34,13 @@ class DiagonalisedGrid(SlabOperator):
         self._transforms = (library.cosine, library.sine)[first]
         self._lengths = tuple(map(near_fast_length, slab.shape))
         count_transforms(1, *slab.local)
-        numbers = [range(first, first + n) for n in self._lengths]
-        symbol = GridSymbol(slab, [2 * n for n in self._lengths], numbers)
-        samples = symbol.sample(A.c.astype(np.float64), A.parity, is_continued=True)
-        samples = check_samples(slab, samples, dtype, NAMES[first])
+
+        def sample(first: int) -> Array:
+            numbers = [range(first, first + n) for n in self._lengths]
+            symbol = GridSymbol(slab, [2 * n for n in self._lengths], numbers)
+            return symbol.sample(A.c.astype(np.float64), A.parity, is_continued=True)
+
+        samples = take_eigenvalues(sample, first, dtype, slab.vectors, ROBUST)
         inverse = np.reciprocal(samples, out=samples).astype(dtype, copy=False)
         self._inverse = library.from_numpy(inverse)
 
@@ -85,10 +84,14 @@ class DiagonalisedLine(SlabOperator):
         c = sum_line(slab, A.c.ravel().astype(np.float64, copy=False), half)
         of_samples = LongTransform(slab, half + 1, 2 * half)
         samples, k = of_samples.sums(c), of_samples.numbers
-        # Of two frequencies with the same sample one counts.
-        is_sampled = (k != half * (1 - first)) & ((k <= half) | ~of_samples.have_both)
-        checked = check_samples(slab, samples[is_sampled], dtype, NAMES[first])
-        self._inverse = (2.0 / np.maximum(samples, slab.vectors.min(checked))).astype(dtype)
+
+        def sample(first: int) -> Array:
+            # Of two frequencies with the same sample one counts.
+            is_last = k == half * (1 - first)
+            return samples[~is_last & ((k <= half) | ~of_samples.have_both)]
+
+        least = slab.vectors.min(take_eigenvalues(sample, first, dtype, slab.vectors, ROBUST))
+        self._inverse = (2.0 / np.maximum(samples, least)).astype(dtype)
         self._w = np.exp(-0.5j * np.pi / half * k).astype(dtype.char.upper())
         self._transform = LongTransform(slab, n, 2 * half, dtype)
 
@@ -102,14 +105,6 @@ class DiagonalisedLine(SlabOperator):
         U *= self._w.conj()
         result = self.library.from_numpy(self._transform.backward(U))
         return self.library.join([result], y)
-
-
-def check_samples(slab: Slab, samples: Array, dtype: np.dtype[Any], name: str) -> Array:
-    """Return the samples of a symbol, lifted where that is right, or refuse them."""
-    samples = lift_lowest(samples, dtype, slab.vectors)
-    subject = f"the symbol of A, which the {name} preconditioner samples, has the value"
-    require_positive(np.array(slab.extent(samples)), dtype, subject, ROBUST)
-    return samples
 
 
 def _diagonalise(A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> SlabOperator:
