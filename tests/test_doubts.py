@@ -13,6 +13,7 @@ from toeplitz_mg.contact import (
     ContactError,
     ContactWarning,
     Material,
+    creep_curve,
     friction,
     frictional_contact,
     load_curve,
@@ -97,7 +98,7 @@ def test_the_sign_of_the_gap_reversed():
 def test_a_line_contact_that_reaches_the_edge(sign, doubt):
     gap = sign * surfaces.cylinder(64, 0.01, radius=R)
     assert_doubts(said(lambda: pressed(gap, 0.01, force=1e3)), doubt)
-    assert_doubts(said(lambda: pressed(gap, 0.01, approach=gap.min() + 0.05)), doubt)
+    assert_doubts(said(lambda: pressed(gap, 0.01, approach=gap.min() + 0.02)), doubt)
 
 
 @pytest.mark.parametrize("shape", [(1.0, 0.0), (0.0, 1.0), (0.3, -1.0)])
@@ -116,14 +117,16 @@ def test_a_round_gap_need_not_be_smooth_nor_in_the_middle():
 
 
 def test_a_pressure_beyond_linear_elasticity():
-    result = said(lambda: pressed(np.zeros((16, 16)), force=0.51 * E_STAR * 0.16**2))
-    assert_doubts(result, f"{HARD} 0.51 E*")
-    assert_doubts(pressed(np.zeros((16, 16)), force=0.49 * E_STAR * 0.16**2))
+    E, area = 2.0 * STEEL.G * (1.0 + STEEL.nu), 0.16**2
+    for bodies in (STEEL, (STEEL, Material.rigid()), (Material(E=9.0 * E, nu=0.1), STEEL)):
+        case = {"gap": np.zeros((16, 16)), "material": bodies}
+        assert_doubts(said(lambda c=case: pressed(force=0.11 * E * area, **c)), f"{HARD} 0.11 E")
+        assert_doubts(pressed(force=0.09 * E * area, **case))
 
 
 def test_slopes_in_contact():
     gap = np.abs(surfaces.centres(64, 0.01)[0])
-    for slope, doubts in ((0.9, ()), (1.1, [f"{STEEP} up to 1.1 in contact", HARD])):
+    for slope, doubts in ((0.9, [HARD]), (1.1, [f"{STEEP} up to 1.1 in contact", HARD])):
         result = said(lambda s=slope: pressed(s * gap, 0.01, approach=0.2))
         assert result.traction[result.contact].mean() == pytest.approx(
             0.5 * slope * E_STAR, rel=0.1
@@ -143,6 +146,59 @@ def test_elements_across_the_largest_spot(across):
     for g in (bound, bound.T):
         assert_doubts(said(lambda g=g: friction(bound=g, shift=(1e-3, 0), **arguments)), *doubts)
         assert_doubts(said(lambda g=g: rolling(bound=g, **creepage, **arguments)), *doubts)
+
+
+@pytest.mark.parametrize("n", [40, 300])
+def test_a_contact_cut_off_by_the_edge_is_doubted_on_any_grid(n):
+    h = 2.0 * RADIUS / n
+    x, y = surfaces.centres((n, n), (h, h))
+    gap = ((x - RADIUS) ** 2 + y**2) / (2.0 * R)  # Its crest is at the edge.
+    assert_doubts(said(lambda: pressed(gap, (h, h), force=0.3 * FORCE)), f"{EDGE} x,")
+
+
+def test_where_spots_of_a_few_elements_are_many_neither_they_nor_the_edge_are_doubted():
+    n, h = 256, 0.001
+    gap = surfaces.rough((n, n), (h, h), rms=2e-4, roll_off=0.0128, seed=3)
+    result = said(lambda: pressed(gap, (h, h), force=10.0))
+    assert 0.02 < result.contact.mean() < 0.05
+    assert result.contact[0].any()
+    assert_doubts(result)
+
+
+def test_creepages_of_another_unit():
+    g = np.zeros((24, 24))
+    g[4:20, 4:20] = 0.3  # The radius of a circle of this area is 0.9 mm.
+    case = {"bound": g, "element": (0.1, 0.1), "material": Material.from_shear(1.0, 0.3)}
+    for given, doubts in (
+        ({"longitudinal": 0.1, "lateral": -0.1, "spin": 0.1}, ()),
+        ({"longitudinal": -0.11}, ["the longitudinal creepage is -0.11, over the distance"]),
+        ({"lateral": 3.0, "spin": -0.12}, ["the lateral creepage is 3", "the spin is -0.12 per"]),
+    ):
+        rolled = said(lambda given=given: rolling(**case, **given))
+        assert_doubts(rolled, *doubts)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            *_, last = rolling_steps(**case, **given, steps=3)
+        assert tuple(str(w.message) for w in caught) == last.warnings == rolled.warnings
+    # Those that are found are judged too, and of a curve it is said once.
+    by_force = rolling(**case, longitudinal=0.05)
+    assert_doubts(said(lambda: rolling(**case, force=tuple(by_force.force), spin=-0.2)), "the spin")
+    with pytest.warns(ContactWarning) as caught:
+        creep_curve(**case, lateral=[0.05, 0.2, 0.3])
+    assert [str(w.message)[:27] for w in caught] == ["the lateral creepage is 0.2"]
+    assert caught[0].filename == __file__
+
+
+def test_friction_of_another_unit_and_what_is_known_of_the_pressures():
+    fine, coarse = pressed(sphere()), said(lambda: pressed(sphere(12, 0.1), (0.1, 0.1)))
+    for mu in (2.0, np.inf, np.where(sphere() < 1e-4, np.inf, 0.3)):
+        assert_doubts(said(lambda mu=mu: friction(fine, mu=mu, shift=(1e-5, 0.0))))
+    assert_doubts(said(lambda: friction(fine, mu=30.0, shift=(1e-5, 0.0))), "mu is 30, but hardly")
+    assert_doubts(said(lambda: rolling(fine, mu=30.0, lateral=1e-3)), "mu is 30")
+    with pytest.warns(ContactWarning, match="mu is 3, but") as caught:
+        result = friction(coarse, mu=3.0, shift=(1e-5, 0.0))
+    assert len(caught) == 1  # Of the pressures it was said before.
+    assert_doubts(result, COARSE, "mu is 3, but")
 
 
 # What is not ----------------------------------------------------------------------------------

@@ -478,10 +478,9 @@ def test_a_moment_beside_much_of_a_lateral_force_is_doubted_and_what_is_reached_
     h, g = 0.05, MU * semi_ellipse(np.hypot(*surfaces.centres((24, 24), (0.05, 0.05))), 0.5)
     with pytest.warns(ContactWarning, match="half an element times the lateral force"):
         found = rolling(bound=g, element=(h, h), material=BODY, lateral=1.0, moment=0.0)
-    assert len(found.warnings) == 1
-    assert not rolling(
-        bound=g, element=(h, h), material=BODY, longitudinal=1.0, moment=0.0
-    ).warnings
+    assert sum(doubt.startswith("the moment is 0, but") for doubt in found.warnings) == 1
+    other = rolling(bound=g, element=(h, h), material=BODY, longitudinal=1.0, moment=0.0)
+    assert not any(doubt.startswith("the moment") for doubt in other.warnings)
     loads = {"force": (0.5 * float(g.sum()) * h**2, 0.0), "moment": 0.01}
     with pytest.raises(ContactError, match=r"of the force .* it has .*; of the moment"):
         rolling(bound=g, element=(h, h), material=BODY, max_products=2, **loads)

@@ -373,6 +373,7 @@ def test_a_normal_result_has_the_bound_the_elements_and_the_material():
         assert_array_equal(curve.force, expected.force)
 
 
+@doubtful
 def test_surfaces_that_repeat_do_not_roll():
     wave = np.cos(2.0 * np.pi * np.arange(32) / 32)
     steel = Material.from_shear(1.0, 0.3)

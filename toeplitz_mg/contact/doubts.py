@@ -4,21 +4,33 @@ Each is a sentence in the `warnings` of a result, and a `ContactWarning`. The pu
 for them at their own input and answer; the coarser grids within are nobody's concern.
 """
 
+import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import replace
 from math import prod
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid, keep
 
 FEWEST = 10  # Elements across a contact below which its area and pressures are rough guesses.
+# Share of the contact in its largest spot, and of the load on the elements at an edge of the grid,
+# up to which the result depends on neither.
+NEGLIGIBLE = 0.05
+CUT = 0.5  # Share of the load on runs of elements up to an edge, beyond which most of it is there.
 STEEP = 1.0  # Slope from which the gap is steep: half-spaces are for slopes far below it.
 MOSTLY = 0.5  # Share of the grid that is steep, above which that is more than a few steps.
-# Mean pressure over E*, above which linear elasticity is no description: a sphere has it where the
-# contact is nearly as wide as the sphere.
-HARD = 0.5
+# Mean pressure over Young's modulus of the softer body, above which linear elasticity is no
+# description: a steel sphere on steel has it where the contact is half as wide as the sphere.
+HARD = 0.1
+MOST_CREEPAGE = 0.1  # Rolling bodies creep by far less; by spin that is the slip at the radius.
+MOST_FRICTION = 2.0  # Hardly any pair of bodies has a larger coefficient of friction.
 FLAT = 1e-6  # Sag of the gap between two edges, over the interference, of what is a flat punch.
 REVERSED = -0.9  # Correlation of the mean gap with a parabola: that of a reversed sphere is -1.
 # What a moment may be off by that is told, over the largest that friction carries, and over it.
@@ -44,10 +56,35 @@ class ContactWarning(UserWarning):
     """
 
 
-def warn(doubts: tuple[str, ...], *, within: int = 0) -> None:
-    """Warn whoever called the public function that calls this, or that calls what does."""
+_gathered: ContextVar[list[str] | None] = ContextVar("_gathered", default=None)
+
+
+def warn(doubts: tuple[str, ...], *, within: int = 0, known: tuple[str, ...] = ()) -> None:
+    """Warn whoever called the public function that calls this, or that calls what does.
+
+    What is known has been warned of before, as by the normal contact that friction is given.
+    """
     for doubt in doubts:
-        warnings.warn(doubt, ContactWarning, stacklevel=3 + within)
+        if (gathered := _gathered.get()) is not None:
+            gathered.append(doubt)
+        elif doubt not in known:
+            warnings.warn(doubt, ContactWarning, stacklevel=3 + within)
+
+
+def add(result: Any, found: tuple[str, ...]) -> Any:
+    """Return a result with more doubts."""
+    return replace(result, warnings=(*result.warnings, *found)) if found else result
+
+
+@contextmanager
+def gather_doubts() -> Iterator[Callable[[], tuple[str, ...]]]:
+    """Warn of nothing inside: what is yielded returns the doubts, of one kind the first only."""
+    found: list[str] = []
+    token = _gathered.set(found)
+    try:
+        yield lambda: tuple({re.split(r"\d", doubt)[0]: doubt for doubt in found[::-1]}.values())
+    finally:
+        _gathered.reset(token)
 
 
 def examine_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tuple[str, ...]:
@@ -57,7 +94,7 @@ def examine_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tu
         *_check_units(grid, z, contact),
         *_check_resolution(grid, contact),
         *_check_load(grid, p, contact),
-        *_check_edge(grid, z, contact, interference),
+        *_check_edge(grid, z, p, interference),
     )
 
 
@@ -73,6 +110,36 @@ def examine_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
 def _examine_elements(grid: Grid, contact: bytes) -> tuple[str, ...]:
     elements = np.frombuffer(contact, bool).reshape(-1, *grid.shape[1:])
     return (*_check_resolution(grid, elements), *_check_coupling(grid))
+
+
+def examine_friction(grid: Grid, mu: ArrayLike | None) -> tuple[str, ...]:
+    """Return the doubt about a coefficient of friction, unless it is infinite where bodies bond."""
+    finite = np.atleast_1d(0.0 if mu is None else mu)
+    largest = max(grid.vectors.gather(float(finite.max(initial=0.0, where=finite < np.inf))))
+    if largest <= MOST_FRICTION:
+        return ()
+    return (
+        f"mu is {largest:.3g}, but hardly any coefficient of friction is above {MOST_FRICTION:g}: "
+        "one of 30 % is 0.3",
+    )
+
+
+def examine_creepages(creepages: Iterable[float | None], area: float) -> tuple[str, ...]:
+    """Return the doubts about creepages, longitudinal, lateral and spin, of a contact area."""
+    radius, found = float(np.sqrt(area / np.pi)), []
+    slips = zip(("longitudinal", "lateral", "spin"), creepages, (1.0, 1.0, radius), strict=False)
+    for name, value, arm in slips:
+        if value is None or not abs(value) * arm > MOST_CREEPAGE:
+            continue
+        said = f"the {name} creepage is {value:.3g}, over the distance rolled"
+        if name == "spin":
+            said = f"the spin is {value:.3g} per mm, a creepage of {abs(value) * arm:.3g} at the "
+            said += f"contact's radius of {radius:.3g} mm"
+        found.append(
+            f"{said}, but rolling bodies mostly creep by far less than {MOST_CREEPAGE:g}: one of "
+            "0.1 % is 0.001"
+        )
+    return tuple(found)
 
 
 def examine_moment(moment: float, off: float, most: float, stick: float) -> tuple[str, ...]:
@@ -124,11 +191,12 @@ def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
 
 
 def _check_resolution(grid: Grid, contact: Array) -> Iterator[str]:
-    """Yield a doubt where there are too few elements across the largest spot."""
+    """Yield a doubt where there are too few elements across the largest spot, if it counts."""
     # A grid of one row of elements is a line contact, or plane strain.
     axes = [axis for axis, n in enumerate(grid.shape) if n > 1] or [0]
-    across = min(_longest_run(grid, contact, axis) for axis in axes)
-    if 0 < across < FEWEST:
+    runs = [_longest_run(grid, contact, axis) for axis in axes]
+    across, elements = min(runs), grid.vectors.count(contact)
+    if 0 < across < FEWEST and prod(runs) > NEGLIGIBLE * elements:
         yield (
             f"the contact is only {across} element{'s' * (across > 1)} across: smaller elements, "
             f"at least {FEWEST} across the largest spot, resolve it"
@@ -149,27 +217,30 @@ def _longest_run(grid: Grid, contact: Array, axis: int) -> int:
 
 def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
     """Yield a doubt where the pressures are too high for linear elasticity."""
-    modulus = grid.material.E_star
+    G, nu, bodies = grid.material.G, grid.material.nu, grid.material.bodies
+    E = 2.0 * G * (1.0 + nu) if bodies is None else min(body.E for body in bodies)
     mean = grid.vectors.sum(p) / max(1, grid.vectors.count(contact))
-    if mean > HARD * modulus:
+    if mean > HARD * E:
         yield (
-            f"the mean pressure is {mean / modulus:.3g} E*, but linear elasticity is for pressures "
-            f"below {HARD} E*: check the units of the load and of G, and the length of the grid"
+            f"the mean pressure is {mean / E:.3g} E, but linear elasticity is for pressures far "
+            f"below {HARD:g} E: check the units of the load and of the modulus, and the length of "
+            "the grid"
         )
 
 
-def _check_edge(grid: Grid, z: Array, contact: Array, interference: float) -> Iterator[str]:
+def _check_edge(grid: Grid, z: Array, p: Array, interference: float) -> Iterator[str]:
     """Yield a doubt where the contact may go on beyond the grid, or the gap has the wrong sign.
 
     Along an axis in which the gap is straight, flat or inclined, the bodies are meant to end where
-    the grid ends, as a punch does.
+    the grid ends, as a punch does. Of a surface with many spots those at the edge bear next to
+    nothing, and it is no matter what is beyond it.
     """
     touched = [
         axis
         for axis, n in enumerate(grid.shape)
         if n > 1
         and not grid.periodic[axis]
-        and grid.vectors.count(grid.lines(contact, axis)[..., [0, -1]])
+        and _is_cut_off(grid, p, axis)
         and _largest_sag(grid, z, axis) > FLAT * interference
     ]
     if touched and all(_is_farthest_in_the_middle(grid, z, axis) for axis in touched):
@@ -183,6 +254,17 @@ def _check_edge(grid: Grid, z: Array, contact: Array, interference: float) -> It
             f"the contact reaches the edge of the grid along {names}, where the bodies end: "
             "a larger grid leaves it room"
         )
+
+
+def _is_cut_off(grid: Grid, p: Array, axis: int) -> bool:
+    """Whether the elements at the ends of an axis bear a part of the load, or those up to them."""
+    lines, load = grid.lines(p, axis), grid.vectors.sum(p)
+    contact = lines > 0.0
+    first = np.logical_and.accumulate(contact, axis=-1)
+    last = np.logical_and.accumulate(contact[..., ::-1], axis=-1)[..., ::-1]
+    at_ends = grid.vectors.sum(lines[..., [0, -1]])
+    up_to_ends = grid.vectors.sum(np.where(first | last, lines, 0.0))
+    return at_ends > NEGLIGIBLE * load or up_to_ends > CUT * load
 
 
 def _largest_sag(grid: Grid, z: Array, axis: int) -> float:

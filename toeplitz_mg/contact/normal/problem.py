@@ -126,8 +126,9 @@ def normal_contact(
     Warns
     -----
     ContactWarning
-        Where the answer may not be of the problem that was meant: a contact that reaches the edge
-        of the grid or is less than 10 elements across, a mean pressure above E*/2, slopes above 1,
+        Where the answer may not be of the problem that was meant: a contact of which more than 5 %
+        of the load is at the edge of the grid, or whose largest spot is less than 10 elements
+        across, unless it is one of many, a mean pressure above E/10, slopes above 1,
         a gap that varies by more than the length of the grid, or whose sign seems to be reversed.
         `NormalResult.warnings` lists them.
 

@@ -117,7 +117,8 @@ def friction(
     Warns
     -----
     ContactWarning
-        Where the contact is less than 10 elements across; and where the two bodies are unlike,
+        Where the contact is less than 10 elements across; where mu is above 2, but not infinite;
+        and where the two bodies are unlike,
         as the coupling of normal and tangential tractions is left out (see
         `frictional_contact`).
         `TangentialResult.warnings` lists them.
@@ -161,7 +162,9 @@ def friction(
     search = tolerance, nested, max_products, progress
     asked = grid.agree(Shifted.of, grid, g, shift, force, previous, *search)
     result = shift_bodies(grid, g, asked, progress)
-    doubts.warn(check_converged(result, tolerance).warnings, within=grid.callers)
+    result = doubts.add(result, doubts.examine_friction(grid, mu))
+    known = getattr(pressed, "warnings", ())
+    doubts.warn(check_converged(result, tolerance).warnings, within=grid.callers, known=known)
     return result
 
 

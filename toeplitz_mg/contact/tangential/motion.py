@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import check_force, widen
-from toeplitz_mg.contact.doubts import examine_moment
+from toeplitz_mg.contact.doubts import examine_creepages, examine_moment
 from toeplitz_mg.contact.grid import keep
 from toeplitz_mg.contact.tangential.law import size
 from toeplitz_mg.values import field, finite, in_range, refuse_masked
@@ -159,14 +159,15 @@ class Motion:
             )
 
     def doubts(self, grid: Any, found: Any) -> tuple[str, ...]:
-        """Return the doubt about a moment that is given, beside much of a lateral force."""
+        """Return those about creepages, and about a moment beside much of a lateral force."""
+        about = examine_creepages(np.ravel(found.creepages).tolist(), found.area)
         moment = self.loads[2]
         if moment is None or not found.area:
-            return ()
+            return about
         bound = np.where(np.isfinite(found.bound), found.bound, 0.0)
         most = grid.area * grid.vectors.sum(bound * size(_arms(grid, self.pole)[2]))
         off = 0.5 * grid.element[0] * abs(float(found.force[1]))
-        return examine_moment(moment, off, most, found.stick_area / found.area)
+        return about + examine_moment(moment, off, most, found.stick_area / found.area)
 
     def rigid_slip(self, grid: Any) -> Array:
         """Return the rigid slip over the distance rolled by all that is given (Eq. 1)."""

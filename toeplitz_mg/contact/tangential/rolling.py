@@ -132,7 +132,8 @@ def rolling(
     Warns
     -----
     ContactWarning
-        Where the contact is less than 10 elements across; and where the two bodies are unlike,
+        Where the contact is less than 10 elements across; where mu is above 2, but not infinite, or
+        a creepage, that by spin at the contact's radius, above 0.1; where the bodies are unlike,
         as the coupling of normal and tangential tractions is left out (see
         `frictional_rolling`); and where a force lets all slide, so that creepages are NaN.
         `TangentialResult.warnings` lists them.
@@ -173,8 +174,10 @@ def rolling(
     search = tolerance, nested, max_products, progress, options, guess
     rolled = grid.agree(Rolled.of, g.shape, asked, *search)
     result = roll(grid, g, rolled, progress, guess, may_slide=falling is None, falling=falling)
-    reached = compare_loads(result, force, moment)
-    doubts.warn(check_converged(result, tolerance, reached).warnings, within=grid.callers)
+    result = doubts.add(result, doubts.examine_friction(grid, mu))
+    check_converged(result, tolerance, compare_loads(result, force, moment))
+    known = getattr(pressed, "warnings", ())
+    doubts.warn(result.warnings, within=grid.callers, known=known)
     return result
 
 
@@ -292,7 +295,7 @@ def roll(
     if of_slip is not None:
         doubted += examine(result, of_slip, asked.tolerance, products)
         check_loads([LOADS[k] for k in motion.unknown], loads, state.q, result, asked.tolerance)
-    return replace(result, warnings=result.warnings + doubted) if doubted else result
+    return doubts.add(result, doubted)
 
 
 def _check_loads(
@@ -332,7 +335,7 @@ def _slide(grid: Grid, g: Array, asked: Rolled, total: Array) -> TangentialResul
     cost = products.count, products.units(work)
     state, cost = window.same((state, cost))
     result = make_rolling_result(motion, problem, state, window, cost, slip, found, is_steady=True)
-    return replace(result, warnings=(*result.warnings, doubts.UNDETERMINED))
+    return doubts.add(result, (doubts.UNDETERMINED,))
 
 
 def make_rolling_result(

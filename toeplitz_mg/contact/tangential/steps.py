@@ -119,7 +119,8 @@ def rolling_steps(
     motion = (longitudinal, lateral, spin), force, None, slip, pole
     search = tolerance, max_products, progress
     asked = grid.agree(Stepped.of, grid, g.shape, motion, steps, previous, *search)
-    return roll_steps(grid, g, asked, progress)
+    about = doubts.examine_friction(grid, mu)
+    return roll_steps(grid, g, asked, progress, about)
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,7 @@ class Stepped:
 
 
 def roll_steps(
-    grid: Grid, g: Array, asked: Stepped, progress: Progress | None
+    grid: Grid, g: Array, asked: Stepped, progress: Progress | None, about: tuple[str, ...] = ()
 ) -> Iterator[TangentialResult]:
     """Return what `rolling_steps` yields for the traction bound `g` (see `roll`)."""
     motion, tolerance = asked.motion, asked.tolerance
@@ -169,7 +170,12 @@ def roll_steps(
         total = np.full(len(q), np.nan)
         total[unknown] = motion.wanted / grid.area
     w = h * motion.rigid_slip(grid)
-    about = doubts.examine_bound(grid, g > 0.0)
+    area = grid.area * grid.vectors.count(g > 0.0)
+    about = (
+        *doubts.examine_bound(grid, g > 0.0),
+        *doubts.examine_creepages(motion.creepages, area),
+        *about,
+    )
     window = grid.window((g > 0.0) | q.any(axis=0), MARGIN)
     q, g, w, grid = window.cut(q), window.cut(g), window.cut(w), window.grid
     vectors, loads = grid.vectors, Loads.of_sums(total, q)
@@ -193,6 +199,6 @@ def roll_steps(
             result = make_rolling_result(
                 motion, problem, state, window, cost, slip, found, is_steady=False
             )
-            yield check_converged(result, tolerance)
+            yield check_converged(replace(result, warnings=about), tolerance)
 
     return march(q)

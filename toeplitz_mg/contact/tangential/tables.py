@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
-from toeplitz_mg.contact import surfaces
+from toeplitz_mg.contact import doubts, surfaces
 from toeplitz_mg.contact.grid import DENSE, Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, files, pictures
 from toeplitz_mg.contact.results.base import (
@@ -176,8 +176,8 @@ def creep_curve(
     >>> import numpy as np
     >>> from toeplitz_mg.contact import Material, creep_curve
     >>> x = np.linspace(-0.975, 0.975, 40)
-    >>> g = 0.3 * np.sqrt(1 - x**2)
-    >>> creepages = -np.array([0.05, 0.1, 0.2, 0.4])
+    >>> g = 0.03 * np.sqrt(1 - x**2)
+    >>> creepages = -np.array([0.005, 0.01, 0.02, 0.04])
     >>> steel = Material.from_shear(1.0, 0.3)
     >>> curve = creep_curve(bound=g, element=0.05, material=steel, longitudinal=creepages)
     >>> (curve.force / (g.sum() * 0.05)).round(2)
@@ -195,7 +195,9 @@ def creep_curve(
             is_fine_line = result.contact.ndim == 1 and np.count_nonzero(result.contact) > DENSE
             guess = None if is_fine_line else result
 
-    results = list(solve())
+    with doubts.gather_doubts() as found:
+        results = list(solve())
+    doubts.warn(found())
     moments = [result.moment for result in results]
     return CreepCurve(
         creepages=_stack([result.creepages for result in results]),

@@ -209,7 +209,9 @@ def frictional_contact(
     if tangential_force is None:
         of_elements = shift is not None and is_field(shift, grid.components)
         moved = as_given(change, is_field=of_elements)
-    tangential = replace(tangential, shift=moved, total_shift=add_shifts(moved, earlier, grid))
+    about = doubts.examine_friction(grid, mu)
+    total_shift = add_shifts(moved, earlier, grid)
+    tangential = replace(tangential, shift=moved, total_shift=total_shift, warnings=about)
     result = FrictionalResult(normal, tangential, residuals, before)
     doubts.warn(check_both(result, tolerance, report, max_products).warnings)
     return result
@@ -349,7 +351,9 @@ def frictional_rolling(
         loads.check_share(bound_of(friction, p), grid.vectors)
         normal, tangential = pressing.result(q, p), rolling.result(p)
     normal = replace(normal, work=work.units(z.size))
-    result = FrictionalResult(normal, tangential, residuals)
+    found = np.ravel(tangential.creepages).tolist()
+    about = doubts.examine_friction(grid, mu) + doubts.examine_creepages(found, tangential.area)
+    result = FrictionalResult(normal, replace(tangential, warnings=about), residuals)
     doubts.warn(check_both(result, tolerance, report, max_products).warnings)
     return result
 
