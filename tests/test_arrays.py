@@ -4,11 +4,13 @@ import gc
 import operator
 import os
 import pickle
+import re
 import subprocess
 import sys
 import tracemalloc
 from functools import partial
 from math import prod
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -319,6 +321,57 @@ def test_the_default_preconditioner_is_at_hand(xp, name):
     _, info = tmg.cg(A, b, M=tmg.default_preconditioner(A), rtol=1e-8, residuals=residuals)
     assert info == 0
     assert len(residuals) <= 40
+
+
+@pytest.mark.slow
+def test_the_blocks_of_the_readme_run_with_arrays_of_jax():
+    load_library("jax.numpy")
+    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    blocks = [block for block in blocks if "import numpy as np" in block]
+    assert len(blocks) >= 3
+    for block in blocks:
+        names = {}
+        exec(block.replace("import numpy as np", "import jax.numpy as np"), names)
+        assert all(not isinstance(value, np.ndarray) for value in names.values())
+
+
+def test_likelihoods_are_those_on_numpy(xp):
+    c, y = kernel(50) ** 0.5 + np.eye(1, 50)[0], seeded(3, 50)
+    theirs, ours = tmg.ToeplitzNormal(xp.asarray(c), 0.5), tmg.ToeplitzNormal(c, 0.5)
+    assert_allclose(theirs.logpdf(xp.asarray(y)), ours.logpdf(y))
+    _, *derivatives = theirs.logpdf_and_grad(xp.asarray(y))
+    for actual, expected in zip(derivatives, ours.logpdf_and_grad(y)[1:], strict=True):
+        assert_allclose(to_numpy(actual), expected)
+    with pytest.raises(TypeError, match="y is an array of numpy"):
+        theirs.logpdf(y)
+
+
+@pytest.mark.slow
+def test_jax_differentiates_likelihoods():
+    jnp = load_library("jax.numpy")
+    jax = sys.modules["jax"]
+    k, y = np.arange(60), seeded(2, 60)
+
+    def loss(t, y, logpdf):
+        return logpdf(jnp.exp(-k / t[0]) + t[1] * (k == 0), jnp.asarray(y) - t[2]).sum()
+
+    def by_dense(c, y):
+        A = c[jnp.abs(k[:, None] - k)]
+        squares = (y * jnp.linalg.solve(A, y.T).T).sum(-1)
+        return -0.5 * (squares + jnp.linalg.slogdet(A)[1] + 60 * np.log(2 * np.pi))
+
+    ours = partial(loss, logpdf=lambda c, y: tmg.ToeplitzNormal(c).logpdf(y))
+    theirs = partial(loss, logpdf=by_dense)
+    t = jnp.asarray([9.0, 0.5, 0.1])
+    for f in (jax.grad, lambda f: jax.jit(jax.grad(f))):
+        for series in (y, y[0]):
+            assert_allclose(f(ours)(t, series), f(theirs)(t, series), rtol=1e-8)
+    many = jnp.stack([t, 1.1 * t])
+    expected = jax.vmap(theirs, (0, None))(many, y)
+    assert_allclose(jax.vmap(ours, (0, None))(many, y), expected, rtol=1e-9)
+    refused = jax.jit(lambda c: tmg.ToeplitzNormal(c).logpdf(jnp.ones(2)))(jnp.asarray([1.0, 2.0]))
+    assert np.isnan(refused)
 
 
 @pytest.mark.slow

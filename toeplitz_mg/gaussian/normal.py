@@ -12,6 +12,7 @@ from scipy.special import ndtri
 
 from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.columns.schur import schur_column, whiten_rows
+from toeplitz_mg.gaussian.elsewhere import ArrayNormal
 from toeplitz_mg.gaussian.fitting import NormalFit, fit_normal
 from toeplitz_mg.gaussian.observed import (
     INEXACT,
@@ -30,7 +31,7 @@ from toeplitz_mg.gaussian.scoring import Covariance
 from toeplitz_mg.gaussian.stochastic import estimate_logdet
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.szego import warn_of_error
-from toeplitz_mg.values import count, generator, numbers, real, refuse_masked
+from toeplitz_mg.values import count, generator, is_foreign, numbers, real, refuse_masked
 
 SHOWN = 5  # Positions that an error names.
 DRAWS = 256  # Draws of which the variances are taken where so many points are missing.
@@ -48,7 +49,9 @@ class ToeplitzNormal:
     ----------
     c : array_like of shape (n,) or (n1, n2, ...)
         Covariances at the lags 0, 1, …: the first column of the covariance matrix, real. With
-        several axes they are the same in both directions along each axis.
+        several axes they are the same in both directions along each axis. Arrays of CuPy,
+        torch and JAX will do: the methods then take and return such, and `logpdf` has derivatives
+        inside `jax.grad`.
     mean : array_like, optional
         A number, or an array that broadcasts to the shape of `c`.
     noise : array_like of the shape of `c`, optional
@@ -104,6 +107,10 @@ class ToeplitzNormal:
     >>> bool(value == process.logpdf(y)), by_c.shape, by_y.shape
     (True, (1000,), (1000,))
     """
+
+    def __new__(cls, c: Any = None, mean: Any = 0.0, **kwargs: Any) -> Any:
+        """Return an `ArrayNormal` for covariances that are an array of another library."""
+        return ArrayNormal(cls, c, mean, **kwargs) if is_foreign(c) else super().__new__(cls)
 
     def __init__(self, c: ArrayLike, mean: ArrayLike = 0.0, noise: ArrayLike | None = None) -> None:
         c = numbers("c", c)

@@ -1,0 +1,100 @@
+"""The normal distribution on arrays of other libraries than NumPy's, and inside `jax.jit`."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from toeplitz_mg.engine.arrays.library import library_of
+from toeplitz_mg.values import is_foreign, is_traced
+
+
+class ArrayNormal:
+    """A `ToeplitzNormal` of covariances that are an array of CuPy, torch or JAX.
+
+    Its methods are those of `ToeplitzNormal`, for series of the same library, and are computed on
+    the processor; arrays that they return lie where the covariances do. Inside `jax.grad`,
+    `jax.jit` and `jax.vmap` `logpdf` is a callback with derivatives by c, y and mean; where c is
+    not positive definite it is NaN.
+
+    Parameters
+    ----------
+    on_numpy : callable
+        The class of the distribution on NumPy's arrays.
+    c : array of shape (n,) or (n1, n2, ...)
+        As of `ToeplitzNormal`.
+    mean : number or array
+    """
+
+    def __init__(self, on_numpy: Any, c: Any, mean: Any = 0.0) -> None:
+        self._on_numpy, self.c, self.mean, self.shape = on_numpy, c, mean, tuple(c.shape)
+        if not is_traced(c):
+            on_numpy(library_of(c).to_numpy(c))  # It is refused at once.
+
+    def logpdf(self, y: Any, observed: Any = None) -> Any:
+        """Return the logarithm of the probability density (see `ToeplitzNormal.logpdf`)."""
+        if not is_traced(self.c, y, self.mean):
+            return self.__getattr__("logpdf")(y, observed)
+        if observed is not None:
+            raise TypeError("observed is given, but inside jit and grad all of y is observed")
+        return _traced(self._on_numpy)(self.c, y - self.mean)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a method of the distribution on NumPy's arrays, between arrays of the library."""
+        if name.startswith("_") or not callable(getattr(self._on_numpy, name, None)):
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        library = library_of(self.c)
+
+        def to_host(a: Any) -> Any:
+            return library.to_numpy(a) if is_foreign(a) else a
+
+        def back(a: Any) -> Any:
+            if type(a) is tuple:
+                return tuple(map(back, a))
+            return library.from_numpy(a) if isinstance(a, np.ndarray) else a
+
+        def method(y: Any = None, *args: Any, **kwargs: Any) -> Any:
+            series = () if y is None else (to_host(library.read("y", y)),)
+            process = self._on_numpy(to_host(self.c), to_host(self.mean))
+            found = getattr(process, name)(
+                *series, *map(to_host, args), **{key: to_host(a) for key, a in kwargs.items()}
+            )
+            return back(found)
+
+        return method
+
+
+@cache
+def _traced(on_numpy: Any) -> Any:
+    """Return the density as a function of c and y - mean that JAX can differentiate."""
+    import jax
+    import jax.numpy as jnp
+
+    def on_host(c: Any, y: Any) -> Any:
+        c, y = np.asarray(c), np.asarray(y)
+        try:
+            found = on_numpy(c).logpdf_and_grad(y)
+        except np.linalg.LinAlgError:  # An error in a callback would end the program.
+            lead = y.shape[: y.ndim - c.ndim]
+            found = (np.full(shape, np.nan) for shape in (lead, y.shape, y.shape))
+        return tuple(np.asarray(a, y.dtype) for a in found)
+
+    def call(c: Any, y: Any) -> Any:
+        shapes: Any = jax.eval_shape(lambda: (jnp.sum(y, tuple(range(-c.ndim, 0))), y, y))
+        return jax.pure_callback(on_host, shapes, c, y, vmap_method="sequential")
+
+    @jax.custom_vjp
+    def logpdf(c: Any, y: Any) -> Any:
+        return call(c, y)[0]
+
+    def forward(c: Any, y: Any) -> Any:
+        value, by_c, by_y = call(c, y)
+        return value, (c, by_c, by_y)
+
+    def backward(saved: Any, w: Any) -> Any:
+        c, by_c, by_y = saved
+        w = w[(..., *(None,) * c.ndim)]
+        return (w * by_c).sum(tuple(range(by_c.ndim - c.ndim))).astype(c.dtype), w * by_y
+
+    logpdf.defvjp(forward, backward)
+    return logpdf
