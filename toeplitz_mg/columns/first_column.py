@@ -16,8 +16,6 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.lifting import squeeze_line
 
 RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better preconditioner.
-# Sizes of A for which no square of a norm of A or A⁻¹ over- or underflows.
-SAFE_SIZES = 1e-100, 1e100
 MOSTLY_ROUNDING = 1e-12  # ‖A x - e₁‖ below which a step may add as much rounding as it removes.
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.vectors import VECTORS, Vectors, power_above
 
-SMALL, LARGE = 1e-100, 1e100  # Inner products of which no square, quotient or sum is none.
+SAFE_SIZES = 1e-100, 1e100  # Numbers whose squares, quotients and sums neither over- nor underflow.
 
 
 class ConjugateGradients:
@@ -82,7 +82,7 @@ class ConjugateGradients:
         if self._scale != 1.0:
             z = z * self._scale
         self.rho, previous = self._vectors.dot(r, z), self.rho
-        if is_first and not SMALL < abs(self.rho) < LARGE:
+        if is_first and not SAFE_SIZES[0] < abs(self.rho) < SAFE_SIZES[1]:
             # M is far from the size of 1: that changes no direction, but what squares would do.
             peak = self._vectors.peak(z)
             if 0.0 < peak < inf:

@@ -38,6 +38,7 @@ from scipy import fft
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.embedding import around, split
+from toeplitz_mg.engine.passes import PANEL_BYTES
 from toeplitz_mg.engine.threads import keep_bits, share_slices
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_work, points_of_transform
@@ -51,7 +52,6 @@ LEAST = 0.5
 # are longer at least: with all lags it takes as many iterations. Across they have all lags, or
 # some narrow contacts of elements that are longer than wide do not converge.
 LONGER, GAP = 1.5, 8
-PANEL_BYTES = 2**20  # Bytes of the columns that are transformed at once: they stay in the cache.
 # Additions to the matrix whose inverses are interpolated, over its diagonal.
 ADDITIONS = np.array([0.0, 0.3, 2.0])
 

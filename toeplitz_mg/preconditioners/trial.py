@@ -13,8 +13,7 @@ from toeplitz_mg.engine.vectors import axpy, norm
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.positivity import INDEFINITE
 from toeplitz_mg.preconditioners.choice import ADVANTAGE, NEARLY, STEPS, STEPS_OF_EACH
-
-SOLVED = 1e-8  # Relative residual at which a descent ends: further falls may be rounding.
+from toeplitz_mg.preconditioners.fsai.neighbours import REDUCTION
 
 
 def better_than_none(
@@ -76,7 +75,7 @@ class _Descent:
     def __init__(self, A: LinearOperator, M: LinearOperator, b: Array) -> None:
         self._cg = ConjugateGradients(partial(apply_to_rows, A), partial(apply_to_rows, M))
         self._r, self.residual = b.copy(), norm(b)
-        self._solved = SOLVED * self.residual
+        self._solved = REDUCTION * self.residual  # Further falls may be rounding.
         self.steps, self.fall = 0, 0.0
 
     def go_to(self, steps: int) -> None:

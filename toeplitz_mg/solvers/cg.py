@@ -17,9 +17,9 @@ from toeplitz_mg.operators.algebra import is_hermitian
 from toeplitz_mg.solvers.checks import Iterate, System, check_precision, check_system
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
-# Factors by which ‖r‖ falls before an `inner` residual is computed anew: the least, the first, and
-# that where the residual is rough, as to compute it more often costs too much.
-LEAST_FALL, FIRST_FALL, MOST_FALL = 1e-5, 0.1, 0.5
+# Factor by which ‖r‖ falls before an `inner` residual is computed anew: the first, and the largest,
+# which is that of a rough residual. With a larger one it is computed too often.
+MOST_FALL = 0.3
 # What the recurrence is to reach in each start, over the goal, as it may drift from the residual:
 # rounding that spoils the second start will spoil a third.
 AIMS = (1.0, 0.5)
@@ -165,7 +165,7 @@ class Descent(Iterate):
         precondition = _return_same if system.M is None else partial(apply_to_rows, system.M)
         self._products = partial(apply_to_rows, A), precondition
         self._is_true = True  # Whether the residual is that of x, and not that of the recurrence.
-        self._last, self._fall = self.size, FIRST_FALL
+        self._last, self._fall = self.size, MOST_FALL
 
     def begin(self) -> None:
         """Start from the residual, without the directions so far."""
@@ -208,7 +208,7 @@ class Descent(Iterate):
             return
         with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
             error = self.vectors.norm(self.r - inner.r) / self._last
-        self._fall = min(max(error / RELIABLE, LEAST_FALL), MOST_FALL)
+        self._fall = min(error / RELIABLE, MOST_FALL)
         inner.r = self.vectors.copy(self.r, inner.r)
         self._last = self.size = self.vectors.norm(inner.r)
 

@@ -6,9 +6,11 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.columns import NEAR, Columns
-from toeplitz_mg.columns.first_column import SAFE_SIZES, double_line, find_columns
+from toeplitz_mg.columns.first_column import double_line, find_columns
 from toeplitz_mg.columns.gohberg_semencul import GohbergSemencul, TriangularFactors
 from toeplitz_mg.engine.arrays.library import NUMPY
+from toeplitz_mg.engine.conjugate_gradients import SAFE_SIZES
+from toeplitz_mg.engine.products import DENSE
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import GridOperator, ToeplitzOperator
 from toeplitz_mg.operators.lifting import accept_any, of_numpy, unwrap_toeplitz
@@ -20,11 +22,9 @@ from toeplitz_mg.solvers.reflection import levinson_column
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
-from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, fast_length
-from toeplitz_mg.solvers.toeplitz.sizes import FSAI, PANELS, SHORT
+from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
+from toeplitz_mg.solvers.toeplitz.sizes import PANELS, SHORT
 from toeplitz_mg.values import positive
-
-FEW = 256  # Unknowns up to which a matrix that is not Hermitian is solved with directly.
 
 
 class ToeplitzInverse(GridOperator):
@@ -251,15 +251,14 @@ def _solve(A: ToeplitzOperator) -> Columns | None:
     """Solve for the columns: directly where they are few, or roughly by CG; None where neither."""
     n = A.shape[0]
     unit = np.eye(1, n)[0]
-    if not A.is_hermitian and n <= FEW:
+    if not A.is_hermitian and n <= DENSE:
         dense = A.toarray()
         return Columns(A, np.linalg.solve(dense, unit), np.linalg.solve(dense.conj().T, unit))
     if A.is_hermitian and n <= SHORT:
         return Columns(A, levinson_column(A.c)[0])
     if not A.is_hermitian or A.dtype.kind == "c":
         return None
-    is_for_fsai = n >= FSAI and fast_length(n) > n and decays_slowly(A.c)
-    if n < PANELS and not is_for_fsai:
+    if n < PANELS:
         solver = CosineSolver(CosineForm(A.c), A.norm_bound)
         return Columns(A, solver.solve(unit[np.newaxis], NEAR)[0][0])
     if decays_slowly(A.c):

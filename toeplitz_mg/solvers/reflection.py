@@ -10,16 +10,15 @@ from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.columns.first_column import SAFE_SIZES
 from toeplitz_mg.columns.schur import require_reflections, schur_column
+from toeplitz_mg.engine.conjugate_gradients import SAFE_SIZES
 from toeplitz_mg.engine.ranks import is_serial
 from toeplitz_mg.engine.vectors import power_above
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.positivity import require_positive_diagonal
 from toeplitz_mg.solvers.toeplitz.levinson import recursion
+from toeplitz_mg.solvers.toeplitz.sizes import GENERAL
 from toeplitz_mg.values import refuse_masked
-
-LARGEST = 2048  # Unknowns up to which n² steps take little longer than the Schur algorithm.
 
 
 def reflection_coefficients(c: ArrayLike) -> Array:
@@ -71,7 +70,7 @@ def reflection_coefficients(c: ArrayLike) -> Array:
     array([0.5, 0. , 0. , 0. ])
     """
     line, _ = read_column(c, "reflection_coefficients(A.c)")
-    upwards = levinson_column if len(line.c) <= LARGEST else schur_column
+    upwards = levinson_column if len(line.c) <= GENERAL else schur_column
     gamma = -upwards(line.c)[1]
     return gamma.astype(refuse_masked("c", c).dtype) if np.asarray(c).dtype.char in "fF" else gamma
 

@@ -21,10 +21,10 @@ from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.solvers.reflection import LARGEST, levinson_column, step_down
+from toeplitz_mg.solvers.reflection import levinson_column, step_down
 from toeplitz_mg.solvers.sharp_column import SharpColumn
 from toeplitz_mg.solvers.szego_polynomial import MOST_SAMPLES
-from toeplitz_mg.solvers.toeplitz.sizes import SHORT
+from toeplitz_mg.solvers.toeplitz.sizes import GENERAL, SHORT
 
 GOAL = 1e-12  # Relative error of a log-determinant above which the Schur algorithm may do better.
 SAFETY = 3.0  # Estimates of errors are this many times what is known of them.
@@ -98,7 +98,7 @@ def log_determinant(
         best = _better(best, way)
         if best.is_exact:
             return best
-    if n <= LARGEST and not best.is_within(ROUGH, n):
+    if n <= GENERAL and not best.is_within(ROUGH, n):
         best = _better(best, lambda: _factor(A, column))
     if best.error > n:  # Then no prediction error has a digit.
         schur_column(A.c)  # It says which leading block is not positive definite.
@@ -127,7 +127,7 @@ def _ways(A: ToeplitzOperator, column: SharpColumn) -> list[Way]:
     ways: list[Way] = []
     if n >= FEWEST:
         ways.append(lambda: _sum_cepstrum(column, MOST_SAMPLES * n))
-    if n > LARGEST:
+    if n > GENERAL:
         ways.append(lambda: _sum_schur_parameters(column))
         ways.append(lambda: _sum_cepstrum(column, LONGEST))
         return ways

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import share_slices
+from toeplitz_mg.engine.threads import PIECE, share_slices
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.preconditioners.fsai.build import DEFAULT, Options
 from toeplitz_mg.preconditioners.fsai.cellgrid import AGGREGATE as BLOCK
@@ -29,7 +29,6 @@ from toeplitz_mg.preconditioners.fsai.rows import refusal
 from toeplitz_mg.preconditioners.fsai.stencil import EXACT
 
 BLAS_BLOCKS = 1024  # Blocks of a product of BLAS, which for more may make threads of its own.
-CHUNK = 2**16  # Numbers that a thread does at once: of fewer, threads wait for each other's calls.
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ class LineLevel:
             y[:, previous.start + 1 : blocks.stop] += part
             np.matmul(y[:, blocks], w, out=a[:, blocks])
 
-        share_slices(forward, m - 1, CHUNK // BLOCK, X.size)
+        share_slices(forward, m - 1, PIECE // BLOCK, X.size)
         y[:, 0] = x[:, 0] @ first.T
         y[:, -1] = x[:, -1] @ final_before.T + last @ final.T
         a[:, 0], a[:, -1] = y[:, 0] @ w_first, y[:, -1] @ w_last
@@ -168,7 +167,7 @@ class LineLevel:
             product = workspace(part[:, 1:].shape, y.dtype)
             z[:, blocks] += _multiply(part[:, 1:], before, product)
 
-        share_slices(back, m - 1, CHUNK // BLOCK, out.size)
+        share_slices(back, m - 1, PIECE // BLOCK, out.size)
         second, last_but_one = sum_of(slice(1, 2))[:, 0], sum_of(slice(m - 2, m - 1))[:, 0]
         z[:, 0] = y[:, 0] @ first + second @ before
         z[:, -1] = last_but_one @ own + y[:, -1] @ final_before

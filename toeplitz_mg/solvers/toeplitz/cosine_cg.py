@@ -13,12 +13,12 @@ import numpy as np
 from scipy.linalg.blas import daxpy, ddot, dscal
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import PART, norm
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, alternate
 from toeplitz_mg.solvers.toeplitz.cosine_inverse import precondition
 
-ROUNDING = float(np.finfo(np.float64).eps) / 16  # Least error of a product, over ‖A‖ ‖x‖.
-NOTHING = 1e-14  # Size of the even or the odd part of a vector, over both, that is none.
+ROUNDING = EPS / 16  # Least error of a product, over ‖A‖ ‖x‖.
 MOST_ITERATIONS = 24  # Most iterations: symbols that the inverse suits take up to 20 to 1e-12.
 
 
@@ -76,7 +76,7 @@ class CosineSolver:
         sizes = squares = [norm(row) ** 2 for row in R.reshape(rows, -1)]
         for part, pieces in enumerate(parts):
             # Of a part that is rounding alone the scalars would be too, and it would not converge.
-            if _dot(r, r, pieces) <= NOTHING**2 * sizes[part // 2]:
+            if _dot(r, r, pieces) <= (64.0 * EPS) ** 2 * sizes[part // 2]:
                 for n, k in pieces:
                     dscal(0.0, r, n, k, 2)
         reached = goals = [rtol**2 * size for size in sizes]

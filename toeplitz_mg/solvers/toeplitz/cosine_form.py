@@ -22,13 +22,15 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.fourier import dct, dst, packed_irfft, packed_rfft, rfft
 from toeplitz_mg.engine.lengths import work_of_transform
 from toeplitz_mg.engine.work import count_transforms
+from toeplitz_mg.operators.symbol import SPIKE
 
-STEEP = 0.5  # Slope of the last two coefficients, over the last, that is none of a smooth function.
 ENDED = 1e-13  # The last two coefficients, over the first, below which those that follow are zero.
 # Work of a transform over that of a longer, faster one, above which six of these were measured to
 # be sooner there than four of the others. (Large factors cost somewhat more than their sum.)
 SLOW = 1.4
-ZERO = 1e-7  # Sample at θ = 0, over that at π, below which the symbol has a zero.
+# Sample of the symbol over the largest, below which it has a zero: those of (2 - 2 cos θ)² next to
+# the lowest frequencies are so small from some 6000 unknowns on.
+ZERO = 1e-7
 
 
 class Points(NamedTuple):
@@ -134,7 +136,7 @@ class CosineForm:
         lags = np.zeros((2, 2 * m))
         cosines, of_fejer = lags[:, : m + 1]
         cosines[:n] = c
-        if abs(slope) <= STEEP * abs(last):
+        if abs(slope) <= SPIKE * abs(last):
             t = np.arange(1.0, m - n + 2)
             cosines[n:] = last + slope * t * (1.0 - t / (2.0 * (m - n + 1)))
         # Each as often as the circulant has it. Their cosines are the samples; their sines are for

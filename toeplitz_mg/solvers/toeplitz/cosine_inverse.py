@@ -27,22 +27,16 @@ from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.small_matrices import invert
 from toeplitz_mg.engine.vectors import PART, add_combination, dots
 from toeplitz_mg.operators.positivity import is_positive
-from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, Points, choose_points
+from toeplitz_mg.solvers.toeplitz.cosine_form import ZERO, CosineForm, Points, choose_points
 from toeplitz_mg.solvers.toeplitz.sizes import LOW_RANK
 
 LOWEST = 32  # Lowest pairs of frequencies, an even and an odd one, that are inverted exactly.
-# Sample of the symbol next to the lowest frequencies, over the largest, below which rounding says
-# how many iterations it takes: (2 - 2 cos θ)² has that from some 6000 unknowns on.
-LEAST = 1e-7
 MOST = 10  # Most columns of each parity.
 # Pairs of frequencies that are looked at: so many at an end, and others from there to the middle.
-NEAR_ZERO, NEAR_PI = (18, 22), (8, 10)
+NEAR = 18, 22
 # Diagonal of what is left of K, over D, at the frequencies that are looked at. It leaves CG one to
 # three iterations, but up to 13 of Gaussians times a cosine, whose peak is between these.
 SMALL = 1e-6
-# What may be left after half of them, over the first: of Gaussians it is at most 1e-3, of ten
-# coefficients 0.03, and of functions that end in a kink, which need more columns than pay, 0.1.
-PROMISING = 0.05
 
 
 def precondition(form: CosineForm) -> "ApproximateInverse | LowRankInverse":
@@ -101,7 +95,7 @@ def _diagonal(form: CosineForm, lowest: Array) -> Array:
     D = np.empty(form.m)
     D[: len(lowest)] = lowest
     others, f = D[len(lowest) :], form.samples[len(lowest) - 1 :]
-    if form.has_ended and f[0] > LEAST * f.max():
+    if form.has_ended and f[0] > ZERO * f.max():
         others[...] = f[1:-1]  # A differs from its symbol by a matrix of small rank only.
     else:
         # Lags that are cut off add (-1)^k times something smooth: a mean of neighbours has not.
@@ -188,8 +182,7 @@ def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:
             sizes.append(float(left[at]))
             if sizes[-1] <= SMALL:
                 break
-            is_hopeless = len(chosen) == MOST // 2 and sizes[-1] > PROMISING * sizes[0]
-            if is_hopeless or len(chosen) == MOST:
+            if len(chosen) == MOST:
                 raise np.linalg.LinAlgError("the matrix is not a diagonal and one of low rank")
             chosen.append(at)
             row = K[at].copy()
@@ -202,8 +195,8 @@ def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:
 def _candidates(m: int) -> Points:
     """Return the frequencies that K is eliminated at, more of them near both ends."""
     pairs = m // 2
-    below, above = (_steps(pairs // 2, *numbers) for numbers in (NEAR_ZERO, NEAR_PI))
-    numbers = np.unique(np.append(below, pairs - 1 - above))
+    steps = _steps(pairs // 2, *NEAR)
+    numbers = np.unique(np.append(steps, pairs - 1 - steps))
     return choose_points(m, 2 * numbers + [[0], [1]])
 
 

@@ -12,18 +12,17 @@ import numpy as np
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.fourier import fft, ifft, packed_irfft, packed_rfft
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.transforms import phase_factors
+from toeplitz_mg.engine.transforms import LONG, phase_factors
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import require_nonzero
-from toeplitz_mg.solvers.toeplitz.sizes import LARGEST_FOURIER
 
 ROOT = np.sqrt(2.0)
 
 
 def has_fourier_form(n: int) -> bool:
-    """Whether a matrix of this size has the form: of an even size, with fast transforms."""
-    return n % 2 == 0 and n <= LARGEST_FOURIER and near_fast_length(n) == n
+    """Whether a matrix of this size has the form: an even one with fast transforms, at once."""
+    return n % 2 == 0 and 2 * n <= LONG and near_fast_length(n) == n
 
 
 class FourierForm:

@@ -21,8 +21,9 @@ from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.columns.columns import EPS
+from toeplitz_mg.engine.threads import PIECE
 from toeplitz_mg.engine.vectors import PART
-from toeplitz_mg.solvers.toeplitz.sizes import FEWEST_AT_ONCE, LARGEST_AT_ONCE, NUMBERS_AT_ONCE
+from toeplitz_mg.solvers.toeplitz.sizes import LARGEST_AT_ONCE
 from toeplitz_mg.solvers.toeplitz.system import USUAL
 
 Recursion = Callable[[Array, Array], Any]  # From lags and b to x and something else.
@@ -135,7 +136,7 @@ class Solutions(NamedTuple):
 
 def is_faster_at_once(systems: int, n: int) -> bool:
     """Whether one recursion is faster than one for each: it takes some calls for each unknown."""
-    return n <= LARGEST_AT_ONCE and systems >= max(FEWEST_AT_ONCE, 2 * n)
+    return n <= LARGEST_AT_ONCE and systems >= 2 * n
 
 
 def solve_at_once(c: Array, r: Array | None, b: Array) -> Solutions:
@@ -150,7 +151,7 @@ def solve_at_once(c: Array, r: Array | None, b: Array) -> Solutions:
     """
     x = np.empty(b.shape, np.result_type(c, c if r is None else r, b))
     residuals, backward_errors = np.empty((2, len(b)))
-    size = max(1, NUMBERS_AT_ONCE // b[0].size)
+    size = max(1, PIECE // b[0].size)  # So many stay in the cache.
 
     def turn(a: Array) -> Array:
         return np.ascontiguousarray(np.moveaxis(a[part], 0, -1))

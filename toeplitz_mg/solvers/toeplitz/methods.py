@@ -37,7 +37,6 @@ from toeplitz_mg.solvers.toeplitz.sizes import (
     COSINE_LIMIT,
     FEW,
     FEW_DIAGONALS,
-    FEWEST_ITERATIONS,
     GENERAL,
     ITERATION,
     LARGEST_BAND,
@@ -45,7 +44,6 @@ from toeplitz_mg.solvers.toeplitz.sizes import (
     LARGEST_RECURSIVE,
     RECURSIVE,
     SHORT,
-    STEPS_OF_INVERSE,
 )
 from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 
@@ -121,8 +119,8 @@ def is_for_cosines(s: ToeplitzSystem) -> bool:
     That takes n² steps for each column. CG there takes calls, which cost as much as three columns
     of `SHORT` numbers, and a time in proportion to the numbers.
     """
-    steps, size = s.columns * s.n**2, s.n / SHORT
-    is_few = s.columns <= FEW or steps <= STEPS_OF_INVERSE or s.columns**2 * s.n <= COSINE_LIMIT
+    size = s.n / SHORT
+    is_few = s.columns <= FEW or s.columns**2 * s.n <= COSINE_LIMIT
     is_long = s.columns * size**2 > (3.0 + s.columns * size) / 4.0
     return s.may_be_definite and is_few and is_long
 
@@ -135,7 +133,7 @@ def is_for_cg(s: ToeplitzSystem) -> bool:
 def is_for_inverse(s: ToeplitzSystem) -> bool:
     """Whether many columns are worth the set-up of the inverse, or nothing else is left."""
     if s.is_hermitian:
-        return s.columns * s.n**2 > STEPS_OF_INVERSE and s.has_positive_means
+        return s.columns * s.n**2 > RECURSIVE**2 and s.has_positive_means
     return s.n >= GENERAL and s.columns > FEW and s.has_symbol
 
 
@@ -143,7 +141,7 @@ def is_for_gmres(s: ToeplitzSystem) -> bool:
     """Whether GMRES with circulants is faster than Trench's recursion."""
     if s.n < (RECURSIVE if s.is_symmetric else GENERAL):
         return False
-    return s.wraps_around or (s.n > FEWEST_ITERATIONS * ITERATION * s.columns and s.has_symbol)
+    return s.wraps_around or (s.n >= ITERATION * s.columns and s.has_symbol)
 
 
 def is_for_levinson(s: ToeplitzSystem) -> bool:
@@ -268,7 +266,7 @@ def _gmres_with_circulant(s: ToeplitzSystem) -> Solve:
     # A circulant is that of its own samples.
     eigenvalues = s.samples if s.wraps_around else away_from_zero(s.samples, s.c.dtype)
     # Of one column it is not given up for Trench's recursion: what has been iterated is lost then.
-    most = s.n if s.columns == 1 else s.n // (ITERATION * s.columns)
+    most = s.n if s.columns == 1 else max(1, s.n // (ITERATION * s.columns))
     patience = Patience(min(OF_GMRES.most, most), OF_GMRES.expected)
     return _with_circulant(s, partial(_gmres, patience=patience), eigenvalues)
 

@@ -34,7 +34,6 @@ from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 from toeplitz_mg.values import is_foreign, real, refuse_masked
 
 AT_ONCE = "levinson for all at once"  # Name of the method of many small systems.
-UNUSED = 1100  # Minus the exponent given to zeros, smaller than that of any float64.
 
 
 @overload
@@ -437,7 +436,7 @@ def _scale(system: ToeplitzSystem) -> tuple[ToeplitzSystem, Array]:
     scale = np.ldexp(1.0, -of_A)
     weights = None
     if parts == 2:  # Those of the larger part are 1; a part that is zero has none.
-        powers = np.where(B.any(axis=1), of_B[:, 0], -UNUSED).reshape(2, -1)
+        powers = np.where(B.any(axis=1), of_B[:, 0], of_B.min()).reshape(2, -1)
         weights = np.ldexp(1.0, powers - powers.max(axis=0)).ravel()
     B = B * np.ldexp(1.0, -of_B)
     return ToeplitzSystem(c * scale, r * scale, B, parts, weights), of_B - of_A

@@ -8,7 +8,7 @@ from scipy.linalg.blas import dasum, idamax
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.fourier import fft, rfft
-from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.engine.vectors import PART, norm
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.coefficients import ROUNDING, make_hermitian
@@ -16,9 +16,9 @@ from toeplitz_mg.operators.positivity import may_be_positive
 from toeplitz_mg.preconditioners.circulant import chan_column, smooth_column
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
 from toeplitz_mg.solvers.toeplitz.fourier_form import FourierForm, has_fourier_form
-from toeplitz_mg.solvers.toeplitz.sizes import FEW_DIAGONALS, GENERAL, PANELS, SHORT
+from toeplitz_mg.solvers.toeplitz.sizes import FEW_DIAGONALS, PANELS, SHORT
 
-TINY = 1e-300  # Size in the place of zero, so that the relative error of zero is zero.
+TINY = float(np.finfo(np.float64).tiny)  # In the place of zero: its relative error is then zero.
 JUMPS = 0.1  # Largest share of jumps of the phase: of random coefficients it is one half.
 WRAPPED = 1e-3  # Largest difference of the lags k and k - n of what is nearly a circulant.
 ALIKE = 1.1  # Largest ratio of the eigenvalues in the middle that CG takes for one.
@@ -78,7 +78,7 @@ class ToeplitzSystem:
         self.n, self.is_complex = len(c), c.dtype.kind == "c"
         self.columns = 1 if B.ndim == 1 else len(B)
         self.lags = np.concatenate([r[:0:-1], c])
-        is_short = self.n <= GENERAL and not self.is_complex  # BLAS has the sum in fewer calls.
+        is_short = 2 * self.n <= PART and not self.is_complex  # BLAS then takes one thread.
         self.size = dasum(self.lags) if is_short else float(np.abs(self.lags).sum())
         self.sizes = self.measure(B) + TINY
         low, high = USUAL
@@ -192,9 +192,10 @@ class ToeplitzSystem:
         if self.n <= SHORT and not has_cosine_form:
             return self.multiply_sharply(X) if X.ndim == 1 else X @ self._dense.T
         if sum(self.widths) <= FEW_DIAGONALS and not has_cosine_form:
+            if X.ndim > 1:
+                return np.stack([self.multiply(x) for x in X])
             above = self.widths[1]
-            Y = [np.convolve(x, self.band)[above : above + self.n] for x in np.atleast_2d(X)]
-            return np.stack(Y).reshape(X.shape)
+            return np.convolve(X, self.band)[above : above + self.n]
         if self.is_symmetric and (self.n < PANELS or has_cosine_form):
             return self.cosine_form.multiply(X)
         return self.A.apply(X) if self.fourier_form is None else self.fourier_form.multiply(X)
@@ -255,4 +256,6 @@ class ToeplitzSystem:
 
 def _last_nonzero(a: Array) -> int:
     """Return the index of the last number that is not zero, or 0."""
-    return int(np.flatnonzero(a).max(initial=0))
+    is_nonzero = a[::-1] != 0.0
+    behind = int(is_nonzero.argmax())
+    return len(a) - 1 - behind if is_nonzero[behind] else 0
