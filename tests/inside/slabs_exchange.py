@@ -43,13 +43,11 @@ def test_turns_take_every_column_once(comm):
 
 
 def test_bytes_of_an_exchange(comm):
-    slab = Slab(comm, (24, 12))
-    P = comm.size
+    slab, P = Slab(comm, (24, 12)), comm.size
     comm.reset()
     ((_, turn),) = slab.turns(12, 12)
     slab.to_columns(np.zeros(slab.local), turn)
-    sent = comm.sent
-    assert P * sum(slab.gather(sent)) == 8 * 24 * 12 * (P - 1)
+    assert P * sum(slab.gather(comm.sent)) == 8 * 24 * 12 * (P - 1)
 
 
 def test_windows_are_sent_and_added(comm):

@@ -118,11 +118,11 @@ def test_a_progress_that_raises_on_one_rank_does_on_all(comm):
     def stop(products, residual):
         raise LookupError("enough")
 
-    bound, moved = np.full(slab.local, 9.0), {"longitudinal": 1e-3, "steps": 1}
+    case = {"bound": np.full(slab.local, 9.0), "slab": slab, "element": element}
     for solve in (
         partial(slabs.normal_contact, gap[slab.rows], slab, element, force=force),
-        partial(slabs.friction, bound, slab, element, force=(0.1, 0.0)),
-        lambda **case: next(slabs.rolling_steps(bound, slab, element, **moved, **case)),
+        partial(slabs.friction, **case, force=(0.1, 0.0)),
+        lambda **more: next(slabs.rolling_steps(**case, longitudinal=1e-3, steps=1, **more)),
     ):
         with pytest.raises(LookupError if is_last else RuntimeError, match="enough"):
             solve(material=STEEL, progress=stop if is_last else None)
