@@ -24,19 +24,25 @@ class ArrayNormal:
     c : array of shape (n,) or (n1, n2, ...)
         As of `ToeplitzNormal`.
     mean : number or array
+    noise : array, optional
     """
 
-    def __init__(self, on_numpy: Any, c: Any, mean: Any = 0.0) -> None:
-        self._on_numpy, self.c, self.mean, self.shape = on_numpy, c, mean, tuple(c.shape)
-        if not is_traced(c):
-            on_numpy(library_of(c).to_numpy(c))  # It is refused at once.
+    def __init__(self, on_numpy: Any, c: Any, mean: Any = 0.0, noise: Any = None) -> None:
+        self._on_numpy, self.c, self.mean, self.noise = on_numpy, c, mean, noise
+        self.shape = tuple(c.shape)
+        if not is_traced(c, mean, noise):
+            self._on_host()  # What is wrong is refused at once.
+
+    def _on_host(self) -> Any:
+        """Return the distribution on NumPy's arrays."""
+        return self._on_numpy(*map(_to_host, (self.c, self.mean, self.noise)))
 
     def logpdf(self, y: Any, observed: Any = None) -> Any:
         """Return the logarithm of the probability density (see `ToeplitzNormal.logpdf`)."""
         if not is_traced(self.c, y, self.mean):
             return self.__getattr__("logpdf")(y, observed)
-        if observed is not None:
-            raise TypeError("observed is given, but inside jit and grad all of y is observed")
+        if observed is not None or self.noise is not None:
+            raise TypeError("inside jit and grad all of y is observed, and without noise")
         return _traced(self._on_numpy)(self.c, y - self.mean)
 
     def __getattr__(self, name: str) -> Any:
@@ -45,23 +51,22 @@ class ArrayNormal:
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
         library = library_of(self.c)
 
-        def to_host(a: Any) -> Any:
-            return library.to_numpy(a) if is_foreign(a) else a
-
         def back(a: Any) -> Any:
             if type(a) is tuple:
                 return tuple(map(back, a))
             return library.from_numpy(a) if isinstance(a, np.ndarray) else a
 
         def method(y: Any = None, *args: Any, **kwargs: Any) -> Any:
-            series = () if y is None else (to_host(library.read("y", y)),)
-            process = self._on_numpy(to_host(self.c), to_host(self.mean))
-            found = getattr(process, name)(
-                *series, *map(to_host, args), **{key: to_host(a) for key, a in kwargs.items()}
-            )
-            return back(found)
+            series = () if y is None else (_to_host(library.read("y", y)),)
+            given = {key: _to_host(a) for key, a in kwargs.items()}
+            return back(getattr(self._on_host(), name)(*series, *map(_to_host, args), **given))
 
         return method
+
+
+def _to_host(a: Any) -> Any:
+    """Return an array of another library as one of NumPy's; all else as it is."""
+    return library_of(a).to_numpy(a) if is_foreign(a) else a
 
 
 @cache

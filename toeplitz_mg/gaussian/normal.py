@@ -108,9 +108,9 @@ class ToeplitzNormal:
     (True, (1000,), (1000,))
     """
 
-    def __new__(cls, c: Any = None, mean: Any = 0.0, **kwargs: Any) -> Any:
+    def __new__(cls, c: Any = None, mean: Any = 0.0, noise: Any = None) -> Any:
         """Return an `ArrayNormal` for covariances that are an array of another library."""
-        return ArrayNormal(cls, c, mean, **kwargs) if is_foreign(c) else super().__new__(cls)
+        return ArrayNormal(cls, c, mean, noise) if is_foreign(c) else super().__new__(cls)
 
     def __init__(self, c: ArrayLike, mean: ArrayLike = 0.0, noise: ArrayLike | None = None) -> None:
         c = numbers("c", c)

@@ -27,7 +27,7 @@ from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
-from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.inverse import first_columns, require_safe_sizes
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
@@ -91,6 +91,7 @@ class Whole:
     @cached_property
     def log_determinant(self) -> LogDeterminant:
         """The log-determinant with its error."""
+        require_safe_sizes(self.A)
         return log_determinant(self.A, lambda start: self.column)
 
     def solve(self, Y: Rows) -> tuple[Rows, Array]:

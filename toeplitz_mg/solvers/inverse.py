@@ -231,6 +231,16 @@ def _line_of(A: ToeplitzOperator) -> ToeplitzOperator:
     return double_line(of_numpy(A))
 
 
+def require_safe_sizes(A: ToeplitzOperator) -> None:
+    """Raise a ValueError where squares of norms might be out of the range of float64."""
+    low, high = SAFE_SIZES
+    if A.norm_bound and not low <= A.norm_bound <= high:
+        raise ValueError(
+            f"the coefficients of A are of size {A.norm_bound:.1e}, but must be of {low:.0e} to "
+            f"{high:.0e} for its inverse: divide A by their size, and the inverse too"
+        )
+
+
 def first_columns(A: ToeplitzOperator, start: Array | None = None) -> Columns:
     """Solve A x = e₁, and Aᴴ w = e₁ unless A is Hermitian, as well as float64 allows.
 
@@ -238,12 +248,7 @@ def first_columns(A: ToeplitzOperator, start: Array | None = None) -> Columns:
 
     Raises ValueError where squares of norms might be out of the range of float64.
     """
-    low, high = SAFE_SIZES
-    if A.norm_bound and not low <= A.norm_bound <= high:
-        raise ValueError(
-            f"the coefficients of A are of size {A.norm_bound:.1e}, but must be of {low:.0e} to "
-            f"{high:.0e} for its inverse: divide A by their size, and the inverse too"
-        )
+    require_safe_sizes(A)
     return find_columns(A, solve=_solve if start is None else lambda A: Columns(A, start))
 
 
