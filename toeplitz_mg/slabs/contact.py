@@ -23,6 +23,32 @@ from toeplitz_mg.values import field
 # The arguments of the functions of `contact` that are taken on slabs.
 SEARCH = ("tolerance", "nested", "max_products", "progress")
 MOTION = ("longitudinal", "lateral", "spin", "force", "slip", "pole")
+DOC = """{summary}, on slabs (see `contact.{name}`).
+
+Parameters
+----------
+pressed : NormalResult
+    The bodies that are pressed together, a result of `normal_contact` on these rows.
+slab : Slab
+    Of a grid of two axes.
+mu, bound
+    The coefficient of friction, with `pressed`; or in the place of both this rank's rows of the
+    traction bound, of shape `slab.local`, N/mm².
+element, material
+    Those of a traction bound.
+**arguments
+    Those of `contact.{name}`, the same on all ranks, but `progress`: {taken}.
+    A `previous` result, and each component of a field, has this rank's rows.
+
+{gives}
+{line}
+TangentialResult
+    As that of `normal_contact`. Of several steps all ranks have to take the same number.
+
+See Also
+--------
+toeplitz_mg.contact.{name} : on one machine. What it raises on one rank it does on all.
+"""
 
 
 def normal_contact(
@@ -64,115 +90,6 @@ def normal_contact(
     """
     names = ("approach", "force", *SEARCH)
     return _on_rows(contact.normal_contact, names, (gap,), slab, element, material, arguments)
-
-
-def friction(
-    pressed: NormalResult | None = None,
-    slab: Any = None,
-    *,
-    mu: ArrayLike | None = None,
-    bound: ArrayLike | None = None,
-    element: Element | None = None,
-    material: Any = None,
-    **arguments: Any,
-) -> TangentialResult:
-    """Shift two bodies in contact tangentially (see `contact.friction`).
-
-    Parameters
-    ----------
-    pressed : NormalResult
-        The bodies that are pressed together, a result of `normal_contact` on these rows.
-    slab : Slab
-        Of a grid of two axes.
-    mu, bound
-        The coefficient of friction, with `pressed`; or in the place of both this rank's rows of the
-        traction bound, of shape `slab.local`, N/mm².
-    element, material
-        Those of a traction bound.
-    **arguments
-        Those of `contact.friction`: shift, force, previous (a result on the same rows), tolerance,
-        nested, max_products and progress. Of a field of shifts, (2, n1, n2), each has its rows.
-
-    Returns
-    -------
-    TangentialResult
-        As that of `normal_contact`.
-
-    See Also
-    --------
-    toeplitz_mg.contact.friction : on one machine. What it raises on one rank it does on all.
-    """
-    names = ("shift", "force", "previous", *SEARCH)
-    bodies = pressed, bound, mu
-    return _on_rows(contact.friction, names, bodies, slab, element, material, arguments)
-
-
-def rolling(
-    pressed: NormalResult | None = None,
-    slab: Any = None,
-    *,
-    mu: ArrayLike | None = None,
-    bound: ArrayLike | None = None,
-    element: Element | None = None,
-    material: Any = None,
-    **arguments: Any,
-) -> TangentialResult:
-    """Roll steadily towards positive x, by creepages or forces (see `contact.rolling`).
-
-    Parameters
-    ----------
-    pressed, slab, mu, bound, element, material
-        As in `friction`.
-    **arguments
-        Those of `contact.rolling`: longitudinal, lateral, spin, force, moment, slip (this rank's
-        rows of a field), pole, tolerance, nested, max_products, progress and options.
-
-    Returns
-    -------
-    TangentialResult
-        As that of `normal_contact`.
-
-    See Also
-    --------
-    toeplitz_mg.contact.rolling : on one machine. What it raises on one rank it does on all.
-    """
-    names = (*MOTION, "moment", *SEARCH, "options")
-    bodies = pressed, bound, mu
-    return _on_rows(contact.rolling, names, bodies, slab, element, material, arguments)
-
-
-def rolling_steps(
-    pressed: NormalResult | None = None,
-    slab: Any = None,
-    *,
-    mu: ArrayLike | None = None,
-    bound: ArrayLike | None = None,
-    element: Element | None = None,
-    material: Any = None,
-    **arguments: Any,
-) -> Iterator[TangentialResult]:
-    """Roll step by step, one element in each, from given tractions (see `contact.rolling_steps`).
-
-    Parameters
-    ----------
-    pressed, slab, mu, bound, element, material
-        As in `friction`.
-    **arguments
-        Those of `contact.rolling_steps`: longitudinal, lateral, spin, force, slip, pole, steps,
-        previous (a result on the same rows), tolerance, max_products and progress.
-
-    Yields
-    ------
-    TangentialResult
-        The result after each step. All ranks have to take the same number of them.
-
-    See Also
-    --------
-    toeplitz_mg.contact.rolling_steps : the same on one machine.
-    """
-    names = (*MOTION, "steps", "previous", "tolerance", "max_products", "progress")
-    bodies = pressed, bound, mu
-    return _on_rows(contact.rolling_steps, names, bodies, slab, element, material, arguments)
 
 
 def _on_rows(
@@ -237,3 +154,38 @@ def _read_bound(
         return check_pressed(pressed, bound, element, material, None, mu)[:3]
     require_pressed(pressed)
     return read_bound(pressed, mu), pressed.element, pressed.material
+
+
+def _with_friction(function: Callable[..., Any], gives: str, *names: str) -> Callable[..., Any]:
+    """Return a function of `contact` for pressed bodies, with these arguments, on slabs."""
+
+    def on_slabs(
+        pressed: NormalResult | None = None,
+        slab: Any = None,
+        *,
+        mu: ArrayLike | None = None,
+        bound: ArrayLike | None = None,
+        element: Element | None = None,
+        material: Any = None,
+        **arguments: Any,
+    ) -> Any:
+        bodies = pressed, bound, mu
+        return _on_rows(function, names, bodies, slab, element, material, arguments)
+
+    name, taken, line = function.__name__, ", ".join(names), "-" * len(gives)
+    summary = (function.__doc__ or "").split("\n")[0].split(":")[0].rstrip(".")
+    on_slabs.__doc__ = DOC.format(summary=summary, name=name, taken=taken, gives=gives, line=line)
+    on_slabs.__name__ = on_slabs.__qualname__ = name
+    on_slabs.__module__ = "toeplitz_mg.slabs"
+    return on_slabs
+
+
+friction: Callable[..., TangentialResult] = _with_friction(
+    contact.friction, "Returns", "shift", "force", "previous", *SEARCH
+)
+rolling: Callable[..., TangentialResult] = _with_friction(
+    contact.rolling, "Returns", *MOTION, "moment", *SEARCH, "options"
+)
+rolling_steps: Callable[..., Iterator[TangentialResult]] = _with_friction(
+    contact.rolling_steps, "Yields", *MOTION, "steps", "previous", *SEARCH[:1], *SEARCH[2:]
+)
