@@ -194,7 +194,7 @@ WITHOUT_NUMBERS = {
     "surfaces",
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "covariances", "fractional", "halfspace"),
-    *("problems", "surfaces"),
+    *("problems", "surfaces", "use_transforms"),
     *("linear_interpolation", "modulated_interpolation", "piecewise_constant"),
 }
 

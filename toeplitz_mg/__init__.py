@@ -22,6 +22,7 @@ from toeplitz_mg.operators import (
     ToeplitzSum,
 )
 from toeplitz_mg.operators.matmul import matmul_toeplitz
+from toeplitz_mg.engine.fourier import use_transforms
 from toeplitz_mg.engine.work import ProductCount, count_products
 from toeplitz_mg.preconditioners import (
     chan_preconditioner,
@@ -108,5 +109,6 @@ __all__ = [
     "toeplitz_inverse",
     "toeplitz_logdet",
     "toeplitz_lstsq",
+    "use_transforms",
 ]
 __version__ = "0.1.0"

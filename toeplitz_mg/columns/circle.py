@@ -14,9 +14,10 @@ from math import pi, tan
 from typing import Any, Protocol
 
 import numpy as np
-from scipy import fft
+from scipy.fft import next_fast_len
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.transforms import plan_of
 from toeplitz_mg.engine.work import count_transforms
 
@@ -87,17 +88,17 @@ class FullCircle:
     """The circle for complex series."""
 
     def __init__(self, points: int) -> None:
-        self.points = fft.next_fast_len(points)
+        self.points = next_fast_len(points)
 
     def values(self, x: Array) -> Array:
         """See `Circle`."""
         count_transforms(1, self.points)
-        return np.asarray(fft.fft(x, self.points))
+        return np.asarray(fourier.fft(x, self.points))
 
     def coefficients(self, values: Array, n: int) -> Array:
         """See `Circle`."""
         count_transforms(1, self.points)
-        return np.asarray(fft.ifft(values)[:n])
+        return np.asarray(fourier.ifft(values)[:n])
 
     def path(self, x: Array, values: Array) -> Array:
         """See `Circle`; the last point is the first one."""

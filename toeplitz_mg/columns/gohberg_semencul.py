@@ -136,6 +136,8 @@ class GohbergSemenculProduct:
         whose product is 2 x₀.
     n : int
     dtype : float32, float64, complex64 or complex128
+    plan : OneStep or Panels
+        Of the order of the eigenvalues.
 
     References
     ----------
@@ -146,9 +148,10 @@ class GohbergSemenculProduct:
     grid_shape: tuple[int, ...]
 
     def __init__(
-        self, terms: list[Term], ends: tuple[Array, Array], n: int, dtype: DTypeLike
+        self, terms: list[Term], ends: tuple[Array, Array], n: int, dtype: DTypeLike, plan: Any
     ) -> None:
         self._terms, self._ends, self._length = terms, ends, len(ends[0]) + 1
+        self._plan = plan
         self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * self._length
 
     @classmethod
@@ -162,7 +165,8 @@ class GohbergSemenculProduct:
         u = _extend(x / (root * size), m)
         w = u.conj() if y is None else _extend(y * (size / root * abs(x[0]) / x[0]), m)
         plan = plan_of(m, np.float64, exact=True)
-        eigenvalues = plan_of(m, dtype, exact=True).eigenvalues
+        of_products = plan.astype(np.dtype(dtype).char.upper())
+        eigenvalues = of_products.eigenvalues
 
         def transform(a: Array) -> list[Array]:
             # The skew-circulant has the frequencies k + 1/2. A complex transform has the work of
@@ -185,7 +189,8 @@ class GohbergSemenculProduct:
         else:
             pairs = [(2.0 * (skew.real - skew.imag), circulant.real - circulant.imag)]
         terms = [[(0.5, eigenvalues(first)), (0.0, eigenvalues(last))] for first, last in pairs]
-        return cls(terms, (u[:0:-1].astype(dtype), w[:0:-1].astype(dtype)), n, dtype)
+        ends = u[:0:-1].astype(dtype), w[:0:-1].astype(dtype)
+        return cls(terms, ends, n, dtype, of_products)
 
     def adjoint(self) -> "GohbergSemenculProduct":
         """Return the multiplication by the adjoint; no transform is made."""
@@ -193,7 +198,7 @@ class GohbergSemenculProduct:
         terms = [[(shift, values.conj()) for shift, values in term] for term in self._terms[::-1]]
         u, w = self._ends
         (n,) = self.grid_shape
-        return GohbergSemenculProduct(terms, (w.conj(), u.conj()), n, self.dtype)
+        return GohbergSemenculProduct(terms, (w.conj(), u.conj()), n, self.dtype, self._plan)
 
     __call__ = multiply_rows
 
@@ -214,7 +219,7 @@ class GohbergSemenculProduct:
 
     def _sum(self, X: Array, out: Array) -> None:
         """Multiply rows of the length of the transforms."""
-        plan = plan_of(self._length, self.dtype, exact=True)
+        plan = self._plan
         *others, last = self._terms
         rest = []
         for term in others:

@@ -4,10 +4,11 @@ from collections.abc import Callable
 from math import isqrt
 
 import numpy as np
-from scipy import fft
+from scipy.fft import next_fast_len
 from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import LAST_RESORT, require_positive_diagonal
 
@@ -127,7 +128,7 @@ def _steps(series: Array, block: int, blocks: list[Array]) -> Array:
         blocks.append(series)
         return _block(series[0])
     forward, backward = _transforms(series)
-    length = 2 * fft.next_fast_len(-(-s // 2), real=forward is fft.rfft)
+    length = 2 * next_fast_len(-(-s // 2), real=forward is fourier.rfft)
     half = length // 2  # Then zʰ is ±1 at the roots of unity of the length.
     count_transforms(6 + 4 * len(series), length)
     P = _both_rows(forward(_steps(series[..., :half], block, blocks), length))
@@ -139,7 +140,7 @@ def _steps(series: Array, block: int, blocks: list[Array]) -> Array:
 
 def _transforms(a: Array) -> tuple[Callable[..., Array], Callable[..., Array]]:
     """Return the transform, and its inverse, for numbers such as these."""
-    return (fft.fft, fft.ifft) if a.dtype.kind == "c" else (fft.rfft, fft.irfft)
+    return (fourier.fft, fourier.ifft) if a.dtype.kind == "c" else (fourier.rfft, fourier.irfft)
 
 
 def _both_rows(P: Array) -> Array:
@@ -183,7 +184,7 @@ def _block(EG: Array) -> Array:
     # The polynomial of the second kind is a (2 c - 1), cut to the degree s, and P₁ is the mean of
     # that and a.
     forward, backward = _transforms(EG)
-    length = fft.next_fast_len(2 * s + 1, real=forward is fft.rfft)
+    length = next_fast_len(2 * s + 1, real=forward is fourier.rfft)
     P1 = backward(forward(a, length) * forward(c, length), length)[:s]
     return np.stack([P1, a[1:] - np.append(P1[1:], 0.0)])
 

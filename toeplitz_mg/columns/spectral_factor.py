@@ -1,11 +1,12 @@
 """The factors of a symbol by its cepstrum, and the columns of the inverse that they give."""
 
 import numpy as np
-from scipy import fft
+from scipy.fft import next_fast_len
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.circle import OVERSAMPLING
 from toeplitz_mg.columns.columns import Columns
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators import ToeplitzOperator
@@ -44,9 +45,9 @@ def factor_symbol(A: ToeplitzOperator, samples: Array | None = None) -> Columns:
     """
     (n,) = A.grid_shape
     is_complex = A.dtype.kind == "c"
-    forward, backward = (fft.fft, fft.ifft) if is_complex else (fft.rfft, fft.irfft)
+    forward, backward = (fourier.fft, fourier.ifft) if is_complex else (fourier.rfft, fourier.irfft)
     if not A.is_hermitian:
-        length = 2 * fft.next_fast_len(OVERSAMPLING // 2 * n, real=not is_complex)
+        length = 2 * next_fast_len(OVERSAMPLING // 2 * n, real=not is_complex)
         f = forward(A.circulant((length,)))
         logarithm = _logarithm(f, is_complex)
     else:

@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Element
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.theory import add_curvatures
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.values import count, generator, in_range, positive, real, refuse_masked
 
@@ -278,7 +279,7 @@ def rough(
     falloff = np.zeros(grid.shape)
     falloff[inside] = np.maximum(k[inside], 1.0 / roll_off) ** (-hurst - len(grid.shape) / 2.0)
     noise = random.standard_normal(grid.shape)
-    heights: Array = np.fft.ifftn(np.fft.fftn(noise) * falloff).real
+    heights: Array = fourier.ifftn(fourier.fftn(noise) * falloff).real
     heights *= rms / heights.std()
     return heights.max() - heights
 

@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.fourier import forward
 from toeplitz_mg.engine.lengths import near_square
 from toeplitz_mg.engine.threads import share
 from toeplitz_mg.engine.workspace import workspace
@@ -97,9 +97,7 @@ class FourStep:
             for rows, twiddles in self._blocks(blocks, shift):
                 R = W[rows]
                 R *= twiddles
-                R = fft.fft(R, axis=1, overwrite_x=True)
-                if not np.may_share_memory(R, W):
-                    W[rows] = R
+                forward(R)
 
         share(work, self._count(0), self.length)
         return W
@@ -121,7 +119,7 @@ class FourStep:
             for rows, twiddles in self._blocks(blocks, shift):
                 R = workspace(twiddles.shape, self.dtype)
                 np.conjugate(spectrum[rows], out=R)
-                R = fft.fft(R, axis=1, overwrite_x=True)
+                forward(R)
                 np.multiply(R, twiddles, out=W[rows])
 
         share(work, self._count(0), self.length)
@@ -172,7 +170,8 @@ class FourStep:
         def work(panels: range) -> None:
             for columns, P in self._panels(panels):
                 load(columns, P)
-                W[:, columns] = fft.fft(P, axis=0, overwrite_x=True)
+                forward(P, 0)
+                W[:, columns] = P
 
         share(work, self._count(1), self.length)
 
@@ -183,10 +182,10 @@ class FourStep:
             for rows, twiddles in self._blocks(blocks, shift):
                 R = W[rows]
                 R *= twiddles
-                R = fft.fft(R, axis=1, overwrite_x=True)
+                forward(R)
                 R *= eigenvalues[rows]
                 np.conjugate(R, out=R)
-                R = fft.fft(R, axis=1, overwrite_x=True)
+                forward(R)
                 np.multiply(R, twiddles, out=W[rows])
 
         share(work, self._count(0), self.length)
@@ -198,10 +197,11 @@ class FourStep:
         def work(panels: range) -> None:
             for columns, P in self._panels(panels):
                 P[...] = W[:, columns]
-                P = fft.fft(P, axis=0, overwrite_x=True)
+                forward(P, 0)
                 np.conjugate(P, out=P)
                 P *= turn
-                W[:, columns] = fft.fft(P, axis=0, overwrite_x=True)
+                forward(P, 0)
+                W[:, columns] = P
 
         share(work, self._count(1), self.length)
 
@@ -209,7 +209,8 @@ class FourStep:
         def work(panels: range) -> None:
             for columns, P in self._panels(panels):
                 P[...] = W[:, columns]
-                store(columns, fft.fft(P, axis=0, overwrite_x=True))
+                forward(P, 0)
+                store(columns, P)
 
         share(work, self._count(1), self.length)
 

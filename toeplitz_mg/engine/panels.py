@@ -1,6 +1,7 @@
 """Transforms of long rows in four steps, and what is done with them."""
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.fourstep import FourStep, Load
@@ -13,6 +14,10 @@ class Panels:
     def __init__(self, plan: FourStep) -> None:
         self.plan = plan
         self.length = plan.length
+
+    def astype(self, dtype: DTypeLike) -> "Panels":
+        """Return the plan for numbers of another precision."""
+        return self if self.plan.dtype == dtype else Panels(FourStep(*self.plan.shape, dtype))
 
     def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
         """Transform a vector at the frequencies k + s, in the order of the plan.

@@ -10,10 +10,10 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from scipy import fft
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import TRANSFORM, keep_bits, share
+from toeplitz_mg.engine.fourier import backward, forward
+from toeplitz_mg.engine.threads import TRANSFORM, share
 from toeplitz_mg.engine.transforms import in_batches, phase_factors
 from toeplitz_mg.engine.workspace import workspace
 
@@ -121,11 +121,11 @@ class PanelPasses:
         else:
             np.multiply(x, phases[0], out=R[..., :n], casting="same_kind")
         R[..., n:] = 0.0
-        _in_place(fft.fft, R, -1)
+        forward(R)
 
     def _leave(self, R: Array, y: Array) -> None:
         """Transform what `_enter` has returned back, into `y`."""
-        _in_place(fft.ifft, R, -1)
+        backward(R)
         R, phases = R[..., : y.shape[-1]], self._phases
         if phases is None:
             y[...] = R
@@ -160,10 +160,10 @@ class PanelPasses:
         grid = self._grid[:-1]
         for k in reversed(range(len(grid))):
             lines[k][:, :, *self._cuts[k][2:], grid[k] :] = 0.0
-            _in_place(fft.fft, lines[k], 2 + k)
+            forward(lines[k], 2 + k)
         self._times_spectrum(lines[0], columns)
         for k in range(len(grid)):
-            _in_place(fft.ifft, lines[k], 2 + k)
+            backward(lines[k], 2 + k)
 
     def _times_spectrum(self, P: Array, columns: slice) -> None:
         if self._components == 1:
@@ -186,12 +186,3 @@ class PanelPasses:
 def _slices(blocks: range, size: int, end: int) -> Iterator[slice]:
     for block in blocks:
         yield slice(block * size, min(end, (block + 1) * size))
-
-
-def _in_place(transform: Any, A: Array, axis: int) -> None:
-    """Transform along an axis, without any factor, in the memory of `A`."""
-    norm = "forward" if transform is fft.ifft else "backward"
-    with keep_bits(A.dtype, A.size // A.shape[axis]):
-        B = transform(A, axis=axis, norm=norm, overwrite_x=True)
-    if not np.may_share_memory(A, B):
-        A[...] = B

@@ -1,20 +1,20 @@
 """Multiplication by matrices that fast transforms diagonalise, or a circulant embeds."""
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from functools import cached_property, partial
 from math import prod
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
 from scipy.linalg import toeplitz
 from scipy.linalg.blas import idamax, izamax
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import is_backend_set, keep_bits, share_rows
-from toeplitz_mg.engine.transforms import LONG, in_batches, plan_of
+from toeplitz_mg.engine import fourier
+from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.threads import share_rows
+from toeplitz_mg.engine.transforms import LONG, OneStep, in_batches, plan_of
 from toeplitz_mg.engine.vectors import power_above
 from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
@@ -113,13 +113,14 @@ class ToeplitzProduct:
         n: int,
         dtype: DTypeLike,
         band: tuple[Array, Array] | None,
+        plan: Any = None,
         spectra: tuple[Array, ...] = (),
     ) -> None:
         self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), float(n)
         self._band = band
-        self._spectra = (
-            spectra  # Of each matrix in which this one is embedded; none if it is small.
-        )
+        # Of each matrix in which this one is embedded, in the order of the plan; none if it is
+        # small.
+        self._plan, self._spectra = plan, spectra
 
     @classmethod
     def of(cls, column: Array, row: Array, dtype: DTypeLike) -> "ToeplitzProduct":
@@ -130,32 +131,30 @@ class ToeplitzProduct:
         n = len(column)
         if n <= DENSE:
             return cls(n, dtype, (column, row))
-        return cls(n, dtype, None, _spectra(column, row, np.dtype(dtype)))
+        plan = plan_of(n, dtype)
+        return cls(n, dtype, None, plan, _spectra(column, row, np.dtype(dtype), plan))
 
     def adjoint(self) -> "ToeplitzProduct":
         """Return the multiplication by the conjugate transpose; no transform is made."""
         band = self._band and (self._band[1].conj(), self._band[0].conj())
         spectra = tuple(spectrum.conj() for spectrum in self._spectra)
-        return ToeplitzProduct(self.grid_shape[0], self.dtype, band, spectra)
+        return ToeplitzProduct(self.grid_shape[0], self.dtype, band, self._plan, spectra)
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzProduct":
         """Return the multiplication in another precision; no transform is made."""
         spectra = tuple(cast_numbers(spectrum, dtype) for spectrum in self._spectra)
-        return ToeplitzProduct(self.grid_shape[0], dtype, self._band, spectra)
+        plan = self._plan and self._plan.astype(np.dtype(dtype).char.upper())
+        return ToeplitzProduct(self.grid_shape[0], dtype, self._band, plan, spectra)
 
     @property
     def norm_bound(self) -> float:
         """A bound of the 2-norm: that of the matrix of size L."""
-        spectra = self._spectra
+        plan, spectra = self._plan, self._spectra
         if not spectra:
             assert self._band is not None
-            spectra = _spectra(*self._band, self.dtype)
-        size = sum(float(np.abs(spectrum).max()) for spectrum in spectra)
-        return size * plan_of(self.grid_shape[0], np.float64).length
-
-    @cached_property
-    def _plan(self) -> Any:
-        return plan_of(self.grid_shape[0], self.dtype)
+            plan = plan_of(self.grid_shape[0], self.dtype)
+            spectra = _spectra(*self._band, self.dtype, plan)
+        return float(sum(np.abs(spectrum).max() for spectrum in spectra) * plan.length)
 
     @cached_property
     def _matrix(self) -> Array:
@@ -169,8 +168,6 @@ class ToeplitzProduct:
             return multiply_rows(self, X, out)
         if not self._spectra:
             y = self._matrix.dot(X)
-        elif is_backend_set():
-            return multiply_rows(self, X, out)
         else:
             y = self._plan.multiply_vector(X, self._spectra[0])
         count_work(1, self.points)
@@ -189,10 +186,12 @@ class ToeplitzProduct:
             self._plan.multiply_complex(X, self._spectra, out)
 
 
-def _spectra(column: Array, row: Array, dtype: np.dtype[Any]) -> tuple[Array, ...]:
-    """Return the eigenvalues of the embedding of a Toeplitz matrix, as the transforms need them."""
+def _spectra(
+    column: Array, row: Array, dtype: np.dtype[Any], plan: OneStep | Panels
+) -> tuple[Array, ...]:
+    """Return the eigenvalues of the embedding of a Toeplitz matrix, as the plan needs them."""
     n = len(column)
-    plan, prepare = plan_of(n, np.float64), plan_of(n, dtype).eigenvalues
+    plan, prepare = plan.astype("D"), plan.eigenvalues
     count_transforms(1, 2 * plan.length)
     symmetric = row is column
     ahead = np.zeros(plan.length + 1, np.result_type(column, np.float64))
@@ -226,11 +225,11 @@ class Transforms(NamedTuple):
 
 # These diagonalise circulants, real and complex ones, and the matrices of the DCT-II, of the DST-II
 # and of the DST-I.
-FOURIER = Transforms(fft.rfftn, fft.irfftn)
-COMPLEX_FOURIER = Transforms(fft.fftn, fft.ifftn)
-COSINE = Transforms(fft.dctn, fft.idctn)
-SINE = Transforms(fft.dstn, fft.idstn)
-TAU = Transforms(*[partial(fft.dstn, type=1, norm="ortho")] * 2)  # It is its own inverse.
+FOURIER = Transforms(fourier.rfftn, fourier.irfftn)
+COMPLEX_FOURIER = Transforms(fourier.fftn, fourier.ifftn)
+COSINE = Transforms(*[partial(f, norm="ortho") for f in (fourier.dctn, fourier.idctn)])
+SINE = Transforms(*[partial(f, norm="ortho") for f in (fourier.dstn, fourier.idstn)])
+TAU = Transforms(*[partial(fourier.dstn, type=1, norm="ortho")] * 2)  # It is its own inverse.
 
 
 class DiagonalisedProduct:
@@ -316,9 +315,6 @@ class DiagonalisedProduct:
     def _multiply(self, X: Array, out: Array) -> None:
         x, y = (rows.reshape(-1, *self._grid) for rows in (X, out))
         forward, backward = self.transforms
-        is_fourier = self.transforms in (FOURIER, COMPLEX_FOURIER)
-        # Cosine and sine transforms keep their bits by themselves.
-        guard: Any = partial(keep_bits, self.dtype) if is_fourier else nullcontext
         # Vectors that fill the matrix are transformed where they are. Others are extended by zeros
         # in memory where transforms to real numbers stay.
         is_whole = self.fft_shape == self._grid and x.dtype == self.dtype
@@ -343,9 +339,7 @@ class DiagonalisedProduct:
 
         if not is_whole:
             share_rows(fill, grid[0])
-        with guard():
-            hat = forward(grid, axes=self._axes, overwrite_x=not is_whole)
+        hat = forward(grid, axes=self._axes, overwrite_x=not is_whole)
         share_rows(scale, hat[0])
-        with guard():
-            Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)
+        Y = backward(hat, s=self.fft_shape, axes=self._axes, overwrite_x=True)
         share_rows(cut, y[0])

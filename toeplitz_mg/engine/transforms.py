@@ -1,22 +1,25 @@
 """Transforms of rows: short ones at once, long ones in `panels`, and what is done with them."""
 
+from collections import defaultdict
 from collections.abc import Callable
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
+from scipy.fft import next_fast_len
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.fourier import bind
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.fourstep import four_step
+from toeplitz_mg.engine.mkl import MKL
 from toeplitz_mg.engine.panels import Panels
 from toeplitz_mg.engine.threads import TRANSFORM, WORTH_THREADS, share_slices
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
 LONG = 2**15  # Length from which on a transform in four steps is faster than one at once.
+LONG_OF_MKL = 2**16  # With MKL up to this length, and for any power of two, it is not.
 LONGEST_KEPT = 2**22  # Longest phase factors that are kept in memory: 64 MiB.
 BATCH = 2**15  # Numbers of a batch of short vectors: so many stay in the cache.
 
@@ -28,10 +31,14 @@ class OneStep:
         self.length = length
         self.dtype = np.dtype(dtype)
         # What multiplies one vector, with the memory for it: who uses it has taken it from here.
-        self._spare: list[tuple[int, Callable[[Array, Array], Array]]] = []
+        self._spare: defaultdict[Any, list[Callable[[Array, Array], Array]]] = defaultdict(list)
 
     def __reduce__(self) -> Any:
         return OneStep, (self.length, self.dtype)
+
+    def astype(self, dtype: DTypeLike) -> "OneStep":
+        """Return the plan for numbers of another precision."""
+        return self if self.dtype == dtype else OneStep(self.length, dtype)
 
     @cached_property
     def _quarter(self) -> tuple[Array, Array]:
@@ -57,11 +64,11 @@ class OneStep:
             The shift s.
         """
         column = real if imag is None else real + 1j * imag
-        return fft.fft(column * self.weights(shift))
+        return fourier.fft(column * self.weights(shift), overwrite_x=True)
 
     def parts(self, spectrum: Array, shift: float) -> tuple[Array, Array]:
         """Return the real and the imaginary part of the vector that has a spectrum."""
-        vector = fft.ifft(spectrum) * self.weights(-shift)
+        vector = fourier.ifft(spectrum) * self.weights(-shift)
         return vector.real, vector.imag
 
     def in_order(self, spectrum: Array) -> Array:
@@ -93,10 +100,10 @@ class OneStep:
                 np.multiply(x, w, out=cut, casting="same_kind")
             if n < self.length:
                 Z[:, n:] = 0.0
-            Z = fft.fft(Z, overwrite_x=True)
+            fourier.forward(Z)
             pairs = Z.view(eigenvalues.dtype)
             pairs *= eigenvalues
-            Z = fft.ifft(Z, overwrite_x=True)
+            fourier.backward(Z, norm="backward")
             cut = Z if n == self.length else Z[:, :n]
             cut *= w_conj
             out[part] = cut.real
@@ -105,23 +112,23 @@ class OneStep:
 
     def multiply_vector(self, x: Array, eigenvalues: Array) -> Array:
         """Return what `multiply_real` makes of one vector of its precision, with fewer calls."""
+        of = fourier.library()
+        spare = self._spare[of, len(x)]
         try:
-            n, multiply = self._spare.pop()
+            multiply = spare.pop()
         except IndexError:
-            n = 0
-        if n != len(x):
-            n, multiply = len(x), self._bind(len(x))
+            multiply = self._bind(len(x), of)
         y = multiply(x, eigenvalues)
-        self._spare.append((n, multiply))
+        spare.append(multiply)
         return y
 
-    def _bind(self, n: int) -> Callable[[Array, Array], Array]:
+    def _bind(self, n: int, of: Any) -> Callable[[Array, Array], Array]:
         """Return `multiply_vector` for vectors of length n, with memory and transforms of it."""
         Z = np.zeros(self.length, self.dtype)
         pairs = Z.view(self.dtype.char.lower())
         cut, rest, real = Z[:n], Z[n:], Z.real[:n]
         w, w_conj = (weights[:n] for weights in self._quarter)
-        forward, backward = bind(Z)
+        forward, backward = fourier.bind(Z, of)
         times = np.multiply
 
         def multiply(x: Array, eigenvalues: Array) -> Array:
@@ -147,10 +154,11 @@ class OneStep:
             Z[0, :, :n] = x
             np.multiply(x, w, out=Z[1, :, :n], casting="same_kind")
             Z[:, :, n:] = 0.0
-            Z = fft.fft(Z, overwrite_x=True)
+            fourier.forward(Z)
             for half, factors in zip(Z, eigenvalues, strict=True):
                 half.view(factors.dtype)[...] *= factors
-            Z = fft.ifft(Z, overwrite_x=True, norm="forward")[:, :, :n]
+            fourier.backward(Z)
+            Z = Z[:, :, :n]
             Z[1] *= w_conj
             np.add(Z[0], Z[1], out=out[part], casting="same_kind")
 
@@ -168,10 +176,10 @@ class OneStep:
             for k, (shift, eigenvalues) in enumerate(factors):
                 if k and shift:
                     Z *= self.weights(shift)
-                Z = fft.fft(Z, overwrite_x=True)
+                fourier.forward(Z)
                 numbers = Z.view(eigenvalues.dtype)  # Pairs of real ones, where eigenvalues are.
                 numbers *= eigenvalues
-                Z = fft.ifft(Z, overwrite_x=True, norm="forward")
+                fourier.backward(Z)
                 if shift:
                     Z *= self.weights(-shift)
             out[part] = Z if out.dtype.kind == "c" else Z.real
@@ -203,16 +211,20 @@ _keep_long = lru_cache(maxsize=1)(_compute_phase_factors)
 
 
 @lru_cache(maxsize=64)
-def _plan(n: int, precision: str, exact: bool) -> OneStep | Panels:
-    if n < LONG:
-        return OneStep(n if exact else fft.next_fast_len(n), precision)
+def _plan(n: int, precision: str, exact: bool, by_mkl: bool) -> OneStep | Panels:
+    if n < LONG or (by_mkl and n <= LONG_OF_MKL):
+        return OneStep(n if exact else next_fast_len(n), precision)
     plan = four_step(n, precision)
-    return OneStep(n, precision) if exact and plan.length != n else Panels(plan)
+    at_once = by_mkl and plan.length.bit_count() == 1  # MKL has steps of its own for these.
+    if exact and plan.length != n:
+        return OneStep(n, precision)
+    return OneStep(plan.length, precision) if at_once else Panels(plan)
 
 
 def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> OneStep | Panels:
     """Return the transforms for vectors of length n: of that length, or of a fast one above it."""
-    return _plan(n, np.result_type(dtype, np.complex64).char, exact)
+    by_mkl = isinstance(fourier.library(), MKL)
+    return _plan(n, np.result_type(dtype, np.complex64).char, exact, by_mkl)
 
 
 def in_batches(multiply: Callable[[Array, Array], None], X: Array, out: Array, size: int) -> None:
@@ -253,7 +265,7 @@ def cosine_sums(column: Array) -> Array:
     if (panels := _panels_for_sums(column)) is not None:
         return panels.cosine_sums(column)
     # Slabs of rows transform the last axis first, too: their bits are the same.
-    return fft.dctn(column, type=1, axes=range(column.ndim)[::-1])
+    return fourier.dctn(column, type=1, axes=range(column.ndim)[::-1])
 
 
 def sine_sums(column: Array) -> Array:
@@ -270,7 +282,7 @@ def sine_sums(column: Array) -> Array:
     if (panels := _panels_for_sums(a)) is not None:
         return panels.sine_sums(a)
     if len(a) > 2:
-        a[1:-1] = fft.dst(a[1:-1], type=1)
+        a[1:-1] = fourier.dstn(a[1:-1], type=1)
     return a
 
 

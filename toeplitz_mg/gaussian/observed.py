@@ -14,7 +14,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import fft
+from scipy.fft import next_fast_len
 from scipy.linalg import LinAlgWarning, cho_factor, cho_solve, solve_triangular
 from scipy.linalg.lapack import dlauum, dpotrf, dpotri, dtrtri
 from scipy.sparse import diags_array
@@ -23,6 +23,7 @@ from scipy.sparse.linalg import LinearOperator
 from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.columns.circle import circle_of
 from toeplitz_mg.columns.columns import EPS
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
@@ -516,10 +517,10 @@ def by_column(x: Array, index: Array, inverse: Array) -> Array:
         here, there = products[:, first:stop], products[:, first : last + 1]
         length = below.shape[1]
         if stop - first > NEAR:
-            N = fft.next_fast_len(length, real=True)
-            hat = fft.rfft(sums[: last + 2 - stop], N)
-            here += fft.irfft(hat.conj() * fft.rfft(below, N), N)[:, : stop - first]
-            there += fft.irfft(hat * fft.rfft(part, N), N)[:, :length]
+            N = next_fast_len(length, real=True)
+            hat = fourier.rfft(sums[: last + 2 - stop], N)
+            here += fourier.irfft(hat.conj() * fourier.rfft(below, N), N)[:, : stop - first]
+            there += fourier.irfft(hat * fourier.rfft(part, N), N)[:, :length]
         else:
             window = padded[NEAR + 1 - (stop - first) : NEAR + length]
             rows = sliding_window_view(window, length)[::-1].copy()  # S, above its diagonal.

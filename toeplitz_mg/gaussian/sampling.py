@@ -10,10 +10,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import fft
+from scipy.fft import next_fast_len
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.columns.schur import schur_column
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import rounding
 
@@ -53,9 +54,9 @@ class Embedding:
             part = X[first : first + most]
             noise = random.standard_normal((len(part), *self.period))
             count_transforms(2 * len(part), size)
-            hat = fft.rfftn(noise, axes=axes, overwrite_x=True)
+            hat = fourier.rfftn(noise, axes=axes, overwrite_x=True)
             hat *= self.root
-            part[...] = fft.irfftn(hat, s=self.period, axes=axes, overwrite_x=True)[cut]
+            part[...] = fourier.irfftn(hat, s=self.period, axes=axes, overwrite_x=True)[cut]
         return X
 
 
@@ -120,7 +121,7 @@ def embed_in_circulant(c: Array) -> Embedding | None:
     made zero.
     """
     mirrored = np.pad(c, [(0, max(n - 2, 0)) for n in c.shape], mode="reflect")
-    spectrum = fft.rfftn(mirrored).real
+    spectrum = fourier.rfftn(mirrored).real
     if spectrum.min() < -rounding(spectrum, np.float64):
         return None
     return _embedding(np.maximum(spectrum, 0.0), mirrored.shape, c)
@@ -134,8 +135,8 @@ def embed_by_column(c: Array, x: Array) -> Embedding | None:
     """
     n = len(c)
     for samples in SAMPLES:
-        period = 2 * fft.next_fast_len(samples // 2 * n, real=True)
-        z = fft.rfft(x, period)
+        period = 2 * next_fast_len(samples // 2 * n, real=True)
+        z = fourier.rfft(x, period)
         embedding = _embedding(x[0] / (z.real**2 + z.imag**2), (period,), c)
         if embedding.error <= LARGEST_ERROR:
             return embedding
@@ -174,6 +175,6 @@ def suggest_shape(c: Array) -> tuple[int, ...] | None:
 def _embedding(spectrum: Array, period: tuple[int, ...], c: Array) -> Embedding:
     """Make an embedding, and measure its error."""
     count_transforms(2, int(np.prod(period)))
-    reached = fft.irfftn(spectrum, s=period)[tuple(slice(n) for n in c.shape)]
+    reached = fourier.irfftn(spectrum, s=period)[tuple(slice(n) for n in c.shape)]
     error = float(np.abs(reached - c).max()) / float(c.flat[0])
     return Embedding(np.sqrt(spectrum), period, c.shape, error)

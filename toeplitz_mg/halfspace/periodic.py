@@ -25,9 +25,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft, special
+from scipy import special
+from scipy.fft import fftfreq, next_fast_len, rfftfreq
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.products import DiagonalisedProduct
 from toeplitz_mg.halfspace.influence import line_contact_coefficients
 from toeplitz_mg.halfspace.integrals import choose, sum_series
@@ -139,7 +141,7 @@ class Waves:
         self, eigenvalues: Array, *, is_scaled: bool, is_even: bool = True
     ) -> tuple[ToeplitzOperator, float]:
         """Return the matrix of a circulant's eigenvalues, over its diagonal if wanted, and that."""
-        column = fft.irfftn(eigenvalues, s=self._lengths)
+        column = fourier.irfftn(eigenvalues, s=self._lengths)
         unit = float(column.flat[0])
         if is_scaled:
             column /= unit
@@ -231,7 +233,7 @@ def periodic_eigenvalues(
     G, nu = check_constants(G, nu)
     last = len(shape) - 1
     along = [
-        2.0 * np.pi * (fft.rfftfreq if axis == last else fft.fftfreq)(n, h)
+        2.0 * np.pi * (rfftfreq if axis == last else fftfreq)(n, h)
         for axis, (n, h) in enumerate(zip(shape, element, strict=False))
     ]
     waves = [*np.meshgrid(*along, indexing="ij", sparse=True), 0.0]  # Along y of one axis is none.
@@ -251,7 +253,7 @@ def periodic_eigenvalues(
 
 def strip_length(n: int) -> int:
     """Return the elements of the circulant that n of them, from end to end, are embedded in."""
-    return 2 * fft.next_fast_len(n, real=True) if n > 1 else 1
+    return 2 * next_fast_len(n, real=True) if n > 1 else 1
 
 
 def strip_eigenvalues(
@@ -307,7 +309,7 @@ def strip_eigenvalues(
     other = 1 - axis
     n, h = shape[other], element[other]
     # The waves of both signs are alike.
-    waves = 2.0 * np.pi * fft.rfftfreq(shape[axis], element[axis])
+    waves = 2.0 * np.pi * rfftfreq(shape[axis], element[axis])
     is_along = directions == 2 * "xy"[axis]
     is_odd = directions == "xy"
     if is_odd:
@@ -327,7 +329,7 @@ def strip_eigenvalues(
         )
     if n > 1:
         embedded[:, 1 - n :] = (-1.0 if is_odd else 1.0) * embedded[:, n - 1 : 0 : -1]
-    hat = fft.rfft(embedded)
+    hat = fourier.rfft(embedded)
     # Of what is odd the transform is imaginary, and the wave along the axis a factor i away.
     quarter = -hat.imag if is_odd else hat.real
     quarter = quarter if axis == 0 else quarter.T

@@ -33,9 +33,10 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
+from scipy.fft import next_fast_len
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.embedding import around, split
 from toeplitz_mg.engine.passes import PANEL_BYTES
@@ -111,22 +112,22 @@ class FieldTransform:
         """
         x = x.reshape(-1, self._rows, x.shape[-1])
         with keep_bits(self.dtype, len(x) * self._rows):
-            Z = fft.rfft(x, self._last)
+            Z = fourier.rfft(x, self._last)
         return self._to_columns(Z)
 
     def backward(self, Z: Array) -> Array:
         """Return the fields of transforms, cut to the grid."""
         Z = self._to_rows(Z)
         with keep_bits(self.dtype, len(Z) * self._rows):
-            return fft.irfft(Z, self._last)[..., : self._columns].reshape(-1, *self._local)
+            return fourier.irfft(Z, self._last)[..., : self._columns].reshape(-1, *self._local)
 
     def _to_columns(self, Z: Array) -> Array:
         """Return the transforms along the columns of those of rows."""
-        return self._along_columns(fft.fft, Z, self._length)
+        return self._along_columns(fourier.fft, Z, self._length)
 
     def _to_rows(self, Z: Array) -> Array:
         """Return the transforms of rows of what `_to_columns` returns."""
-        return self._along_columns(fft.ifft, Z, self._rows)
+        return self._along_columns(fourier.ifft, Z, self._rows)
 
     def _along_columns(self, transform: Callable[..., Array], Z: Array, rows: int) -> Array:
         """Return so many rows of transforms along the columns, which threads share."""
@@ -289,7 +290,7 @@ def find_lengths(grid: tuple[int, ...]) -> tuple[int, ...]:
     """Return the lengths of circulants for a grid, at least; across, those of all lags."""
     all_lags, *across = (2 * n - 1 for n in grid)
     along = min(max(ceil(LONGER * grid[0]), grid[0] + GAP), all_lags)
-    return tuple(map(fft.next_fast_len, (along, *across)))
+    return tuple(map(next_fast_len, (along, *across)))
 
 
 def find_spectrum(K: Any, transform: FieldTransform) -> Array:
@@ -335,9 +336,9 @@ def find_causal_factor(spectrum: Array, lengths: tuple[int, ...]) -> Array:
     """
     weights, logarithm = weigh_causally(np.arange(lengths[0]), lengths[0]), np.log(spectrum)
     if len(lengths) == 1:
-        causal = fft.rfft(weights * fft.irfft(logarithm, lengths[0]))
+        causal = fourier.rfft(weights * fourier.irfft(logarithm, lengths[0]))
     else:
-        causal = fft.fft(weights[:, None] * fft.ifft(logarithm, axis=0), axis=0)
+        causal = fourier.fft(weights[:, None] * fourier.ifft(logarithm, axis=0), axis=0)
     factor: Array = np.exp(causal)
     return factor
 

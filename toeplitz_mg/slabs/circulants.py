@@ -2,9 +2,9 @@
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.embedding import split
 from toeplitz_mg.engine.threads import keep_bits
@@ -40,7 +40,7 @@ class SlabTransform(FieldTransform):
         with keep_bits(self.dtype):
             for own, turn in slab.turns_of((self._length, points), Z.itemsize):
                 for z, columns in zip(Z, out, strict=True):
-                    columns[:, own] = fft.fft(slab.to_columns(z, turn), self._length, axis=0)
+                    columns[:, own] = fourier.fft(slab.to_columns(z, turn), self._length, axis=0)
         return out
 
     def _to_rows(self, Z: Array) -> Array:
@@ -49,5 +49,5 @@ class SlabTransform(FieldTransform):
         with keep_bits(self.dtype):
             for own, turn in slab.turns_of((self._length, points), Z.itemsize):
                 for columns, rows in zip(Z, out, strict=True):
-                    slab.to_rows(fft.ifft(columns[:, own], axis=0)[: self.grid[0]], rows, turn)
+                    slab.to_rows(fourier.ifft(columns[:, own], axis=0)[: self.grid[0]], rows, turn)
         return out

@@ -14,9 +14,9 @@ from math import isqrt, prod
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import DTypeLike
-from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.threads import keep_bits
 from toeplitz_mg.slabs.intervals import Intervals
 from toeplitz_mg.slabs.slab import Slab, Turn, cuts_of, line_width
@@ -119,20 +119,20 @@ class LongTransform:
         Z = np.empty(self.frequencies.local, self.dtype.char.upper())
         with keep_bits(self.dtype):
             for turn, factors in self._turns:
-                C = fft.rfft(self.line.slab.to_columns(X, turn), self._n1, axis=0)
+                C = fourier.rfft(self.line.slab.to_columns(X, turn), self._n1, axis=0)
                 C *= factors
                 self.frequencies.to_rows(C, Z, turn)
-            return fft.fft(Z, overwrite_x=True)
+            return fourier.fft(Z, overwrite_x=True)
 
     def backward(self, Z: Array) -> Array:
         """Return the vector of a transform, cut: `Z` is overwritten."""
         X = np.empty(self.line.slab.local, self.dtype)
         with keep_bits(self.dtype):
-            Z = fft.ifft(Z, overwrite_x=True)
+            Z = fourier.ifft(Z, overwrite_x=True)
             for turn, factors in self._turns:
                 C = self.frequencies.to_columns(Z, turn)
                 C *= factors.conj()
-                C = fft.irfft(C, self._n1, axis=0, overwrite_x=True)[: self.line.slab.shape[0]]
+                C = fourier.irfft(C, self._n1, axis=0, overwrite_x=True)[: self.line.slab.shape[0]]
                 self.line.slab.to_rows(C, X, turn)
         return self.line.part(X)
 

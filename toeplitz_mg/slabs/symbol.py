@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from math import prod
 
 import numpy as np
-from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.embedding import around, cut, split
 from toeplitz_mg.operators.symbol import Tail, continue_axis, tail_length
@@ -78,14 +78,14 @@ class GridSymbol:
         length, numbers = self._lengths[axis], self._numbers[axis]
         wanted = cut(axis, numbers.start, numbers.stop)
         if length == 2 * (c.shape[axis] - 1):
-            return fft.dct(c, type=1, axis=axis)[wanted]
+            return fourier.dctn(c, type=1, axes=[axis])[wanted]
         ahead, behind = split(NUMPY, c, axis, sign)
         column = around(NUMPY, ahead, behind, axis, length, is_straight=True)
-        sums = fft.rfft(column, axis=axis)[wanted]
+        sums = fourier.rfft(column, axis=axis)[wanted]
         return sums.real if sign > 0 else sums.imag
 
     def _lags(self, S: Array, axis: int, sign: int) -> Array:
-        lags = fft.irfft(S if sign > 0 else 1j * S, self._lengths[axis], axis)
+        lags = fourier.irfft(S if sign > 0 else 1j * S, self._lengths[axis], axis)
         return lags[cut(axis, 0, self.slab.shape[axis])]
 
 

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft
 from scipy.linalg import LinAlgWarning, cho_factor, cho_solve
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.columns import EPS
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.coefficients import check_finite
@@ -193,12 +193,12 @@ def _embed(c: Array) -> Array:
     n, k, _ = c.shape
     column = np.zeros((2 * n, k, k), c.dtype)
     column[:n], column[n + 1 :] = c, c[:0:-1].conj().swapaxes(1, 2)
-    return fft.fft(column, axis=0)
+    return fourier.fft(column, axis=0)
 
 
 def _multiply(hat: Array, x: Array, dtype: np.dtype[Any]) -> Array:
     """Multiply a block Toeplitz matrix, by the transform of its embedding."""
-    y = fft.ifft(hat @ fft.fft(x, len(hat), axis=0), axis=0)[: len(x)]
+    y = fourier.ifft(hat @ fourier.fft(x, len(hat), axis=0), axis=0)[: len(x)]
     return y if dtype.kind == "c" else y.real
 
 
@@ -297,7 +297,7 @@ def _recursion(c: Array, b: Array) -> tuple[Array, float]:
     r = g - _multiply(_embed(R), x, dtype)
     behind = np.append(np.zeros((1, k, k)), V.reshape(n, k, k)[:-1], axis=0)
     for column, F, sign in zip((U, behind), inverse(E[-1]), (1.0, -1.0), strict=True):
-        hat = fft.fft(column, 2 * n, axis=0)
+        hat = fourier.fft(column, 2 * n, axis=0)
         change = F @ _multiply(hat.conj().swapaxes(1, 2), r, dtype)
         x = x + sign * _multiply(hat, change, dtype)
     return np.linalg.solve(L.conj().T, x), logdet

@@ -19,11 +19,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft
+from scipy.fft import next_fast_len
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results import ContactError, TangentialResult
 from toeplitz_mg.contact.tangential.law import Areas, direction, size
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.values import in_range, numbers
 
 LEAST = 1e-10  # Least factor of the bound: with none at all an element would be no contact.
@@ -101,8 +102,8 @@ def _steepest(of_slip: Callable[[Array], Array], slip: Array) -> tuple[float, fl
 def _largest_of_symbol(K: Any) -> float:
     """Return the largest real part of the symbol of K: what slips most by its own tractions."""
     blocks = [K.component(i) for i in range(len(K.blocks))] if hasattr(K, "blocks") else [K]
-    lengths = [fft.next_fast_len(2 * n - 1) for n in blocks[0].grid_shape]
-    return max(float(fft.rfftn(block.circulant(lengths)).real.max()) for block in blocks)
+    lengths = [next_fast_len(2 * n - 1) for n in blocks[0].grid_shape]
+    return max(float(fourier.rfftn(block.circulant(lengths)).real.max()) for block in blocks)
 
 
 def multiply(g: Array, falling: Callable[[Array], ArrayLike], s: Array) -> Array:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import DTypeLike
-from scipy import fft
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.krylov_space import Basis
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.passes import PanelPasses
@@ -44,7 +44,7 @@ Library: TypeAlias = "NumPy | Plain"
 class NumPy:
     """The library of NumPy's arrays, and of all that NumPy makes arrays of, as lists."""
 
-    name, xp, fft, device, vectors = "numpy", np, fft, "cpu", VECTORS
+    name, xp, fft, device, vectors = "numpy", np, fourier, "cpu", VECTORS
     in_place = MappingProxyType(
         {"overwrite_x": True}
     )  # What lets `fft` use the memory of an array.
