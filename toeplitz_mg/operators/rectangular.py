@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.arrays.library import library_of
+from toeplitz_mg.engine.arrays.library import NUMPY, library_of
 from toeplitz_mg.operators.base import GridOperator, MatrixOperator
 from toeplitz_mg.operators.coefficients import Coefficients, check_coefficients
 from toeplitz_mg.operators.sums import constant_of
@@ -40,7 +40,7 @@ class RectangularToeplitz(MatrixOperator):
     Notes
     -----
     The matrix is a part of a square one of max(m, n) points along each axis, by which it
-    multiplies: extend by zeros, multiply, cut.
+    multiplies: extend by zeros, multiply, cut. A small one multiplies as a dense matrix does.
 
     ``A.H @ A``, and so ``A.H @ A + s * scipy.sparse.eye_array(n)``, knows the Toeplitz matrix that
     it is, or is close to, so that the preconditioners of this package take it.
@@ -64,6 +64,8 @@ class RectangularToeplitz(MatrixOperator):
         self._product = product or square.library.multiplication(square.squeezed)
         super().__init__(square.dtype, square.grid_shape, 1.0, library=square.library)
         self.shape = prod(rows), prod(columns)
+        is_small = self.library is NUMPY and max(self.shape) <= NUMPY.dense
+        self._dense = np.ascontiguousarray(self.toarray().T) if is_small else None
 
     @property
     def lags(self) -> Array:
@@ -99,6 +101,12 @@ class RectangularToeplitz(MatrixOperator):
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
+        if self._dense is not None:
+            Y = X @ self._dense
+            if out is None:
+                return Y
+            out[...] = Y
+            return out
         library, xp, k = self.library, self.library.xp, prod(X.shape[:-1])
         grid = library.pad(xp.reshape(X, (k, *self.columns)), self.grid_shape)
         Y = xp.reshape(self._product(xp.reshape(grid, (k, -1)), None), grid.shape)
