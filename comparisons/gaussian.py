@@ -5,12 +5,16 @@
 - CPU times of a value with its gradient, against one value by the superfast Schur algorithm, the
   published way of SuperGauss, and a stochastic estimate of the log-determinant, Lanczos's method on
   ten random vectors. The contenders in turns in one process, on one thread; the fastest of them.
-- One gap, and values missing at random.
+- One gap, and values missing at random; the gradient with both, against its value.
+- An exponential covariance, for which celerite2 and statsmodels have recursions in O(n), where they
+  are installed; and against Levinson's recursion as SciPy has compiled it.
 - Iterations for A + D, D a diagonal of noise that varies.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
 from time import process_time
 from typing import Any
 
@@ -21,7 +25,7 @@ from scipy.sparse import diags_array
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
-from comparisons.harness.inside import GohbergSemencul, schur_column
+from comparisons.harness.inside import GohbergSemencul, levinson_column, schur_column
 from comparisons.harness.measuring import TOLERANCE, iterate, time_call
 from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
@@ -32,6 +36,17 @@ from toeplitz_mg.covariances import FractionalGaussianNoise, Matern
 SIZES: tuple[int, ...] = tuple(2**k for k in (12, 14, 16, 18, 20))
 GAP_SIZES: tuple[int, ...] = tuple(2**k for k in (12, 15, 16))
 QUICK_SIZES = (2**10,)
+# Points, how many are missing, and how many of these in one gap.
+GAPS: tuple[tuple[int, int, int], ...] = (
+    (4383, 541, 200),
+    (10_000, 1984, 200),
+    (65_536, 1000, 1000),
+)
+QUICK_GAPS = ((700, 100, 40),)
+RIVAL_SIZES: tuple[int, ...] = tuple(10**k for k in (3, 4, 5, 6))
+LENGTH = 20.0  # Of the exponential covariance.
+MOST_DENSE = 5000  # Points of which the derivatives are compared with dense ones.
+MOST_LEVINSON = 10_000  # Points of which Levinson's recursion is waited for.
 NOISE_SIZE = 2**16
 DENSE_SIZES: tuple[int, ...] = (600, 2000, 4096)
 QUICK_DENSE = (300,)
@@ -59,10 +74,10 @@ def covariance(name: str, n: int) -> Array:
     return c / c[0]
 
 
-def value_by_schur(c: Array, y: Array) -> float:
-    """Return the log-likelihood by the superfast Schur algorithm alone."""
+def value_by(recursion: Callable[[Array], tuple[Array, Array]], c: Array, y: Array) -> float:
+    """Return the log-likelihood by Schur's algorithm, or Levinson's recursion, alone."""
     n = len(c)
-    x, gamma = schur_column(c)
+    x, gamma = recursion(c)
     logdet = n * np.log(c[0]) + np.arange(n - 1, 0, -1.0) @ np.log1p(-(gamma**2))
     return float(-0.5 * (y @ GohbergSemencul(x).apply(y) + logdet + n * np.log(2 * np.pi)))
 
@@ -123,12 +138,9 @@ def time_likelihood(name: str, n: int) -> Row:
     contenders: dict[str, Callable[[], Any]] = {
         "value and gradient": lambda: tmg.ToeplitzNormal(c).logpdf_and_grad(y),
         "value": lambda: tmg.ToeplitzNormal(c).logpdf(y),
-        "value by Schur": lambda: value_by_schur(c, y),
+        "value by Schur": partial(value_by, schur_column, c, y),
     }
-    seconds = dict.fromkeys(contenders, np.inf)
-    for _ in range(TURNS):
-        for key, run in contenders.items():
-            seconds[key] = min(seconds[key], time_call(run, process_time)[1])
+    seconds = _time_in_turns(contenders)
     row: Row = {"covariance": name, "n": n, **seconds}
     row["ratio"] = seconds["value and gradient"] / seconds["value by Schur"]
     if n <= SIZES[1]:
@@ -161,6 +173,69 @@ def time_gaps(n: int) -> Iterator[Row]:
         M = tmg.default_preconditioner(A)
         row["iterations, at random"] = iterate(A, y[random], M=M, rtol=TOLERANCE)[1]
         yield row
+
+
+def time_gradient_with_gaps(name: str, n: int, missing: int, longest: int) -> Row:
+    """Time a value and a gradient with gaps, and compare with the dense one where that is short."""
+    rng = np.random.default_rng(0)
+    c, y, observed = covariance(name, n), rng.standard_normal(n), np.ones(n, dtype=bool)
+    observed[n // 2 : n // 2 + longest] = False
+    observed[rng.choice(np.flatnonzero(observed), missing - longest, replace=False)] = False
+    y[~observed] = np.nan
+    contenders: dict[str, Callable[[], Any]] = {
+        "value": lambda: tmg.ToeplitzNormal(c).logpdf(y),
+        "value and gradient": lambda: tmg.ToeplitzNormal(c).logpdf_and_grad(y),
+    }
+    seconds = _time_in_turns(contenders)
+    row: Row = {"covariance": name, "n": n, "missing": missing, "longest gap": longest, **seconds}
+    row["ratio"] = seconds["value and gradient"] / seconds["value"]
+    if n <= MOST_DENSE:
+        inverse, alpha = np.zeros((n, n)), np.zeros(n)
+        inside = np.ix_(observed, observed)
+        inverse[inside] = np.linalg.inv(scipy.linalg.toeplitz(c)[inside])
+        alpha[observed] = inverse[inside] @ y[observed]
+        exact = np.array([alpha[: n - k] @ alpha[k:] - np.trace(inverse, k) for k in range(n)])
+        exact[0] /= 2
+        _, by_c, _ = tmg.ToeplitzNormal(c).logpdf_and_grad(y)
+        row["error"] = float(np.abs(by_c - exact).max() / np.abs(exact).max())
+    return row
+
+
+def _time_in_turns(contenders: dict[str, Callable[[], Any]]) -> dict[str, float]:
+    """Return the fastest CPU time of each."""
+    seconds = dict.fromkeys(contenders, np.inf)
+    for _ in range(TURNS):
+        for key, run in contenders.items():
+            seconds[key] = min(seconds[key], time_call(run, process_time)[1])
+    return seconds
+
+
+def time_rivals(n: int) -> Row:
+    """Time a value of an exponential covariance, that of an autoregressive process of order 1."""
+    t = np.arange(float(n))
+    c = np.exp(-t / LENGTH)
+    y = tmg.ToeplitzNormal(c).rvs(random_state=0)
+    contenders: dict[str, Callable[[], Any]] = {
+        "ToeplitzNormal": lambda: tmg.ToeplitzNormal(c).logpdf(y),
+    }
+    if n <= MOST_LEVINSON:
+        contenders["Levinson"] = partial(value_by, levinson_column, c, y)
+    if find_spec("celerite2"):
+        celerite2 = import_module("celerite2")
+
+        def by_celerite() -> float:
+            process = celerite2.GaussianProcess(celerite2.terms.RealTerm(a=1.0, c=1 / LENGTH))
+            process.compute(t, yerr=0.0, check_sorted=False)
+            return float(process.log_likelihood(y))
+
+        contenders["celerite2"] = by_celerite
+    if find_spec("statsmodels"):
+        model = import_module("statsmodels.tsa.statespace.sarimax").SARIMAX(y, order=(1, 0, 0))
+        contenders["statsmodels"] = partial(model.loglike, np.array([c[1], 1.0 - c[1] ** 2]))
+    values = [run() for run in contenders.values()]
+    row: Row = {"n": n, "covariance": f"exp(-k/{LENGTH:g})", **_time_in_turns(contenders)}
+    row["difference"] = float(np.ptp(values) / abs(values[0]))
+    return row
 
 
 def count_with_noise(name: str, n: int) -> Iterator[Row]:
@@ -208,6 +283,26 @@ def arrange_gaps(rows: Sequence[Row]) -> list[Row]:
     return table
 
 
+def arrange_gap_gradients(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of times of gradients with gaps, beside those of values."""
+    table = []
+    for row in rows:
+        cells = report.format_cells(row, FORMATS["gap_gradients"])
+        for key in ("value", "value and gradient"):
+            cells[key] = report.format_seconds(row[key])
+        table.append(cells)
+    return table
+
+
+def arrange_rivals(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of times of an exponential covariance."""
+    methods = ("ToeplitzNormal", "Levinson", "celerite2", "statsmodels")
+    return [
+        {"n": row["n"]} | {key: report.format_seconds(row.get(key)) or "" for key in methods}
+        for row in rows
+    ]
+
+
 def arrange_noise(rows: Sequence[Row]) -> list[Row]:
     """Return the table of iterations with noise that varies, a column for each spread."""
 
@@ -221,6 +316,8 @@ TITLES = {
     "errors": "Errors of log det A and of the gradient, against dense factorisations",
     "times": "CPU seconds of a value with its gradient, and of its rivals",
     "gaps": "One gap, and values missing at random",
+    "gap_gradients": "A gradient with gaps, beside its value",
+    "rivals": "CPU seconds of a value of an exponential covariance",
     "noise": "Iterations for A + D",
 }
 FORMATS = {
@@ -237,6 +334,14 @@ FORMATS = {
         **{"covariance": "", "n": "d", "missing, one gap": "d", "value, one gap": ".3f"},
         **{"missing, at random": "d", "value, at random": ".2f", "iterations, at random": "d"},
     },
+    "gap_gradients": {
+        **{"covariance": "", "n": "d", "missing": "d", "longest gap": "d", "value": ".4f"},
+        **{"value and gradient": ".4f", "ratio": ".1f", "error": ".0e"},
+    },
+    "rivals": {
+        **{"covariance": "", "n": "d", "ToeplitzNormal": ".5f", "Levinson": ".5f"},
+        **{"celerite2": ".5f", "statsmodels": ".5f", "difference": ".0e"},
+    },
     "noise": {"covariance": "", "n": "d", "spread of log d": "", "default": "d"},
 }
 
@@ -248,14 +353,19 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments = report.options("gaussian", "Likelihoods of stationary processes.", argv=argv)
     quick = arguments.quick
     sizes, dense, gaps = SIZES, DENSE_SIZES, GAP_SIZES
-    noise = NOISE_SIZE
+    noise, with_gaps, rivals = NOISE_SIZE, GAPS, RIVAL_SIZES
     if quick:
+        with_gaps, rivals = QUICK_GAPS, RIVAL_SIZES[:1]
         sizes = gaps = QUICK_SIZES
         dense, noise = QUICK_DENSE, QUICK_SIZES[0]
     tables: dict[str, Iterator[Row]] = {
         "errors": (compare_with_dense(name, n) for n in dense for name in (*NAMED, *COVARIANCES)),
         "times": (time_likelihood(name, n) for n in sizes for name in TIMED),
         "gaps": (row for n in gaps for row in time_gaps(n)),
+        "gap_gradients": (
+            time_gradient_with_gaps(name, *gap) for gap in with_gaps for name in TIMED
+        ),
+        "rivals": map(time_rivals, rivals),
         "noise": (row for name in TIMED for row in count_with_noise(name, noise)),
     }
     for key, rows in tables.items():

@@ -48,6 +48,10 @@ TABLES = {
     "likelihood_errors": Table(*_LIKELIHOOD, "errors.csv", "gaussian:arrange_errors"),
     "likelihood_times": Table(*_LIKELIHOOD, "times.csv", "gaussian:arrange_times"),
     "likelihood_gaps": Table(*_LIKELIHOOD, "gaps.csv", "gaussian:arrange_gaps"),
+    "likelihood_gap_gradients": Table(
+        *_LIKELIHOOD, "gap_gradients.csv", "gaussian:arrange_gap_gradients"
+    ),
+    "likelihood_rivals": Table(*_LIKELIHOOD, "rivals.csv", "gaussian:arrange_rivals"),
     "likelihood_noise": Table(*_LIKELIHOOD, "noise.csv", "gaussian:arrange_noise"),
     "paper": Table("reproduce.md", "paper", "cells.csv", "paper.tables:arrange"),
     "cases_errors": Table("contact.md", "theory", "errors.csv", "theory.cases:arrange_errors"),

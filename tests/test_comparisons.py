@@ -117,6 +117,8 @@ def test_gaussian(tmp_path, capsys):
             assert float(row["error of the gradient"]) <= 1e-9
     assert len(rows_of(tmp_path / "times.csv")) == len(gaussian.TIMED)
     assert all(row["value, one gap"] for row in rows_of(tmp_path / "gaps.csv"))
+    assert all(float(row["error"]) <= 1e-10 for row in rows_of(tmp_path / "gap_gradients.csv"))
+    assert all(float(row["difference"]) <= 1e-10 for row in rows_of(tmp_path / "rivals.csv"))
     assert all(int(row["default"]) < 1000 for row in rows_of(tmp_path / "noise.csv"))
 
 

@@ -307,7 +307,7 @@ def _find_zero_beyond_one(a: Array) -> float | None:
     concave and decreasing for z > 0: the first step goes beyond the zero, and the others come back.
     """
     k = np.arange(float(len(a)))
-    distance = 0.0
+    distance, last = 0.0, np.inf
     for _ in range(NEWTON_STEPS):
         terms = a * _powers(distance, len(a))
         slope = float(k @ terms)
@@ -317,6 +317,8 @@ def _find_zero_beyond_one(a: Array) -> float | None:
         if not 0.0 < distance + step < FAR / len(a):
             return None
         distance += step
-        if abs(step) <= 4.0 * EPS * distance:
+        # Steps that are small and shrink no more are rounding.
+        if abs(step) <= (4.0 * EPS if abs(step) < 0.5 * last else 1e-6) * distance:
             break
+        last = abs(step)
     return distance
