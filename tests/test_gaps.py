@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from tests.repeating import sum_of_waves
 from toeplitz_mg import halfspace
-from toeplitz_mg.contact import Material, load_curve, normal_contact, surfaces
+from toeplitz_mg.contact import Material, load_curve, normal_contact, rolling, surfaces
 
 UNIT = Material.from_shear(0.7, 0.3)  # E* = G/(1-ν) = 1 of two equal bodies.
 N, H = 48, 2.0 / 48
@@ -106,6 +106,94 @@ def test_units_are_powers_of_ten_of_a_millimetre():
     known |= {"µm": 1e-3, "μm": 1e-3}  # Micro sign, and Greek letter.
     for name, size in known.items():
         assert_allclose(in_mm(name), size, rtol=1e-15)
+
+
+def test_heights_in_nanometres_on_pixels_in_micrometres():
+    pair = press(heights=-1e6 * GAP, element=(1e3 * H, 1e3 * H), unit=("nm", "um"))
+    assert_allclose(pair.pressure, press(GAP).pressure, atol=1e-9)
+
+
+@pytest.mark.parametrize("hardness", [None, 1.0])
+def test_a_mean_pressure_is_the_force_of_a_period(hardness):
+    case = {"force": None, "hardness": hardness, "periodic": True}
+    mean = press(GAP, **case, pressure=0.02)
+    assert_allclose(mean.pressure.mean(), 0.02)
+    assert_allclose(mean.pressure, press(GAP, **case | {"force": 0.02 * 4.0}).pressure)
+
+
+class Quantity:
+    """A number with a unit, as those of pint."""
+
+    def __init__(self, magnitude, units):
+        self.magnitude, self.units = magnitude, units
+        self.shape, self.ndim = np.shape(magnitude), np.ndim(magnitude)
+
+    def to(self, unit):
+        known = {"um": 1e-3, "mm": 1.0, "kN": 1e3, "N": 1.0, "GPa": 1e3, "N/mm**2": 1.0}
+        if ("m" in self.units) != ("m" in unit) and self.units != "GPa":
+            raise TypeError("dimensions")
+        return Quantity(np.multiply(self.magnitude, known[self.units] / known[unit])[()], unit)
+
+
+def test_quantities_are_read_in_their_units():
+    um = H * 1e3
+    for element in ((Quantity(um, "um"), Quantity(um, "um")), Quantity([um, um], "um")):
+        for name, gap in (("gap", GAP), ("heights", -GAP)):
+            given = {name: Quantity(1e3 * gap, "um")}
+            result = press(**given, element=element, force=Quantity(5e-5, "kN"))
+            assert_allclose(result.pressure, press(GAP).pressure, atol=1e-9)
+    assert Material(E=Quantity(210.0, "GPa"), nu=0.3) == Material(E=210e3, nu=0.3)
+    for given, message in (
+        ({"force": Quantity(1.0, "um")}, "force is in um, but must be in N"),
+        ({"gap": Quantity(GAP, "um"), "unit": "nm"}, "unit is 'nm', but gap or element has its"),
+        ({"max_products": Quantity(3, "um")}, "max_products is a quantity in um, but must be a"),
+    ):
+        with pytest.raises((TypeError, ValueError), match=message):
+            press(**{"gap": GAP} | given)
+
+
+# Axes with names ----------------------------------------------------------------------------
+
+
+def labelled(values, dims=("y", "x"), sign=1.0, **attrs):
+    """A field on elements of 0.02 by 0.03 mm as an array of xarray, transposed."""
+    xarray = pytest.importorskip("xarray")
+    x, y = 0.02 * np.arange(values.shape[0]), 0.03 * np.arange(values.shape[1])[:: int(sign)]
+    values = values.T[:: int(sign)]
+    axes = {dims[1]: (dims[1], x, attrs), dims[0]: (dims[0], y, attrs)}
+    return xarray.DataArray(values, dims=dims, coords=axes, attrs=attrs)
+
+
+def test_axes_are_taken_by_their_names():
+    gap = surfaces.ellipsoid((30, 20), (0.02, 0.03), radii=(1.0, 3.0))
+    expected = press(gap, (0.02, 0.03))
+    for given in (labelled(gap), labelled(gap, sign=-1.0)):
+        result = press(given, element=None)
+        assert_allclose(result.element, (0.02, 0.03))
+        assert_allclose(result.pressure, expected.pressure, atol=1e-6 * expected.max_pressure)
+    um = press(heights=labelled(-gap, units="um"), element=None)
+    assert_allclose(um.element, (2e-5, 3e-5))
+    motion = {"longitudinal": 0.01, "spin": 0.1}
+    rolled = rolling(expected, mu=0.3, **motion)
+    bound = {"bound": labelled(0.3 * expected.pressure), "material": UNIT}
+    assert_allclose(rolling(**bound, **motion).traction, rolled.traction, atol=1e-6)
+    mu = labelled(np.full(gap.shape, 0.3))
+    assert_allclose(rolling(expected, mu=mu, **motion).traction, rolled.traction, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"element": (0.03, 0.02)}, r"element is \(0.03, 0.02\), but the coordinates x of gap are"),
+        ({"dims": ("y", "lon")}, r"axes \('y', 'lon'\), but must have x and y"),
+        ({"units": "um", "unit": "nm"}, "unit is 'nm', but gap is in 'um'"),
+        ({"units": "yard"}, "unit is 'yard', but must be one of"),
+    ],
+)
+def test_what_contradicts_an_array_with_names_is_refused(change, message):
+    own = {name: change.pop(name) for name in ("dims", "units") if name in change}
+    with pytest.raises(ValueError, match=message):
+        press(labelled(np.zeros((4, 6)), **own), **{"element": None} | change)
 
 
 # Missing pixels -----------------------------------------------------------------------------
@@ -256,9 +344,9 @@ UNEVEN = Topography(np.zeros((4, 4)), (4.0, 4.0), "um", is_uniform=False)
         ({}, ValueError, "either gap or heights must be given: neither"),
         ({"gap": GAP, "heights": GAP}, ValueError, "either gap or heights must be given: both"),
         ({"gap": GAP}, TypeError, "element is missing"),
-        ({"gap": IN_UM}, TypeError, "gap is a topography, which has heights"),
+        ({"gap": IN_UM}, TypeError, "gap is a Topography, which has heights"),
         ({"heights": IN_UM, "element": 1.0}, ValueError, r"has its own: \(1.0, 1.0\) um"),
-        ({"heights": FLAT}, ValueError, "has no unit: say which it is"),
+        ({"heights": FLAT}, ValueError, "has no unit: give unit=, as"),
         ({"heights": IN_UM, "unit": "nm"}, ValueError, "unit is 'nm', but the topography is in"),
         ({"heights": UNEVEN}, TypeError, "must be one topography on a uniform grid"),
         ({"gap": GAP, "element": (H, H), "unit": "yard"}, ValueError, "unit is 'yard', but must"),
@@ -267,8 +355,10 @@ UNEVEN = Topography(np.zeros((4, 4)), (4.0, 4.0), "um", is_uniform=False)
         ({"heights": ["a"], "element": 1.0}, TypeError, "heights has dtype"),
         ({"gap": np.full((4, 4), np.inf), "element": (H, H)}, ValueError, "infinite everywhere"),
         ({"gap": np.full((4, 4), -np.inf), "element": (H, H)}, ValueError, "the value -inf"),
+        ({"gap": GAP, "element": (-1.0, H), "unit": "um"}, ValueError, r"element is \(-1.0, "),
+        ({"gap": GAP, "unit": ("um",), "element": H}, ValueError, "must be one, or those of hei"),
         ({"gap": [[np.nan]], "element": (H, H)}, ValueError, "it is inf; of measured heights, he"),
-        ({"heights": "a.nc"}, TypeError, "SurfaceTopography.read_topography"),
+        ({"heights": "a.nc"}, TypeError, "contact.surfaces.read"),
     ],
 )
 def test_refuses_what_makes_no_sense(given, error, message):

@@ -13,4 +13,5 @@ Preconditioner = Callable[[LinearOperator], LinearOperator]  # From A to an appr
 Coarsening = Callable[[LinearOperator], LinearOperator]  # From A to that of the next coarser grid.
 Multiply = Callable[[Array, Array], Array]  # From a vector, and memory to use, to the result.
 Element = float | tuple[float, float]  # The size of an element of a surface.
+Unit = str | tuple[str, str]  # Of heights and elements alike, or of each.
 Progress = Callable[[int, float], object]  # Called with the products made and the residual.

@@ -14,10 +14,12 @@ SMALL = 1e-40  # Least size other than zero, in the user's units: powers of less
 LARGE = 1e40  # Largest size, in the user's units: powers of more may overflow.
 
 
-def real(name: str, value: Any) -> float:
-    """Return a real number."""
+def real(name: str, value: Any, unit: str | None = None) -> float:
+    """Return a real number, of a quantity that in this unit."""
     if type(value) is float:  # Sooner than by what follows, which a small system would feel.
         return value
+    if unit is not None:
+        value = in_unit(name, value, unit)
     if isinstance(value, list | tuple):
         raise TypeError(f"{name} is {value!r}, but must be a real number")
     if np.ndim(value) > 0 or refuse_masked(name, value).dtype.kind not in "buif":
@@ -25,20 +27,39 @@ def real(name: str, value: Any) -> float:
     return float(value)
 
 
-def finite(name: str, value: Any) -> float:
-    """Return a finite number."""
-    x = real(name, value)
+def finite(name: str, value: Any, unit: str | None = None) -> float:
+    """Return a finite number, of a quantity that in this unit."""
+    x = real(name, value, unit)
     if not np.isfinite(x):
         raise ValueError(f"{name} is {value}, but must be finite")
     return x
 
 
-def positive(name: str, value: Any) -> float:
-    """Return a number that is positive and finite."""
-    x = real(name, value)
+def positive(name: str, value: Any, unit: str | None = None) -> float:
+    """Return a number that is positive and finite, of a quantity that in this unit."""
+    x = real(name, value, unit)
     if not 0.0 < x < np.inf:
         raise ValueError(f"{name} is {value}, but must be positive and finite")
     return x
+
+
+def has_unit(value: Any) -> bool:
+    """Whether this is a quantity with a unit, as those of pint, or a sequence with one in it."""
+    if isinstance(value, list | tuple):
+        return any(map(has_unit, value))
+    return hasattr(value, "magnitude") and hasattr(value, "units")
+
+
+def in_unit(name: str, value: Any, unit: str) -> Any:
+    """Return the number of a quantity in this unit; what is no quantity as it is."""
+    if not has_unit(value):
+        return value
+    if isinstance(value, list | tuple):
+        return type(value)(in_unit(name, x, unit) for x in value)
+    try:
+        return value.to(unit).magnitude
+    except TypeError:  # Errors of pint about dimensions are such.
+        raise TypeError(f"{name} is in {value.units}, but must be in {unit}") from None
 
 
 def count(name: str, value: Any, least: int = 1) -> int:
@@ -60,6 +81,8 @@ def refuse_masked(name: str, values: Any) -> Array:
     """
     if type(values) is np.ndarray:  # Sooner than by what follows, which a small system would feel.
         return values
+    if has_unit(values):
+        raise TypeError(f"{name} is a quantity in {values.units}, but must be a plain number here")
     if is_foreign(values):
         raise TypeError(
             f"{name} is an array of {name_library(values)}, but must be one of numpy here: copy it "
@@ -125,9 +148,12 @@ def numbers(name: str, values: ArrayLike) -> Array:
     return array.astype(np.float64)
 
 
-def field(name: str, values: ArrayLike) -> Array:
-    """Return a copy of an array of real numbers, infinities too, in double precision."""
-    array = numbers(name, values)
+def field(name: str, values: ArrayLike, unit: str | None = None) -> Array:
+    """Return a copy of an array of real numbers, infinities too, in double precision.
+
+    Those of a quantity are in this unit.
+    """
+    array = numbers(name, values if unit is None else in_unit(name, values, unit))
     if np.isnan(array).any():
         raise ValueError(f"{name} is not a number somewhere")
     in_range(name, float(np.max(np.abs(array), where=np.isfinite(array), initial=0.0)))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.gaps import has_axes, in_order, measure_axes, unit_of_axes
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
 from toeplitz_mg.contact.results.quantities import require_finite, require_whole
@@ -20,29 +21,40 @@ ALIKE = 1e-9  # Relative difference of the constants of one material, which are 
 ROUNDING = 1e-14  # Relative excess of a force over what all elements carry that is none.
 
 
-def check_load(grid: Grid, z: Array, approach: float | None, force: float | None) -> float | None:
-    """Return the force that presses, or None where the approach is given; check the gap too."""
+def check_load(
+    grid: Grid, z: Array, approach: Any, force: Any, pressure: Any = None
+) -> tuple[float | None, float | None]:
+    """Return the approach and the force that presses, one of them None; check the gap too.
+
+    The mean pressure on the grid may be given in the place of the force.
+    """
     if np.isneginf(z).any():
         raise ValueError("gap has the value -inf: where there is no material, it is inf")
-    if (approach is None) == (force is None):
+    given = {"approach": approach, "force": force, "pressure": pressure}
+    if sum(value is not None for value in given.values()) != 1:
+        told = given if pressure is not None else {"approach": approach, "force": force}
         raise ValueError(
-            f"approach is {approach} and force is {force}, but one of the two must be given"
+            f"{' and '.join(f'{name} is {value}' for name, value in told.items())}, but one of the "
+            f"{('two', 'three')[len(told) - 2]} must be given"
         )
     if approach is not None:
-        finite("approach", approach)
+        approach = finite("approach", approach, "mm")
         if grid.has_free_mean and approach >= (mean := grid.vectors.sum(z) / z.size):
             raise ValueError(
                 f"approach is {approach:g}, but must be below the mean of the gap, {mean:g}, at "
                 "which surfaces that repeat touch everywhere, under many a force: give the force"
             )
-        return None
-    force = finite("force", force)
-    if force < 0.0:
+        return approach, None
+    name, unit, area = "force", grid.force_unit, 1.0
+    if pressure is not None:
+        name, force, unit, area = "pressure", pressure, "N/mm**2", grid.area * prod(grid.shape)
+    load = finite(name, force, unit)
+    if load < 0.0:
         raise ValueError(
-            f"force is {force}, but must be at least zero: bodies that do not stick cannot pull"
+            f"{name} is {force}, but must be at least zero: bodies that do not stick cannot pull"
         )
-    in_range("force", force)
-    return force
+    in_range(name, load * area)
+    return None, load * area
 
 
 def measure_from_contact(
@@ -62,7 +74,11 @@ def measure_from_contact(
 
 
 def check_hardness(
-    grid: Grid, hardness: float | None, force: float | None, elements: int | None = None
+    grid: Grid,
+    hardness: Any,
+    force: float | None,
+    elements: int | None = None,
+    pressure: Any = None,
 ) -> float:
     """Return the largest pressure, infinity where none is given; the force must be within it.
 
@@ -71,14 +87,17 @@ def check_hardness(
     """
     if hardness is None:
         return np.inf
-    in_range("hardness", positive("hardness", hardness))
+    hardness = positive("hardness", hardness, "N/mm**2")
+    in_range("hardness", hardness)
     carried = hardness * grid.area * (prod(grid.shape) if elements is None else elements)
     if force is not None and force > carried * (1.0 + ROUNDING):
+        if pressure is not None:
+            raise ValueError(f"pressure is {pressure}, but the hardness is {hardness:g}")
         raise ValueError(
             f"force is {force:.15g}, but must be at most {carried:.15g}, which all elements carry "
             f"at the hardness {hardness:g}"
         )
-    return float(hardness)
+    return hardness
 
 
 def check_bound(bound: ArrayLike) -> Array:
@@ -88,7 +107,7 @@ def check_bound(bound: ArrayLike) -> Array:
             f"bound is a {type(bound).__name__}, but must be an array, μ times the pressure: a "
             "result of normal_contact is the first argument, beside mu="
         )
-    g = field("bound", bound)
+    g = field("bound", in_order("bound", bound), "N/mm**2")
     if (g < 0.0).any():
         raise ValueError(f"bound has the value {g.min():g}, but a traction bound is at least zero")
     return g
@@ -96,7 +115,7 @@ def check_bound(bound: ArrayLike) -> Array:
 
 def check_friction(mu: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return a coefficient of friction, of all elements or of each; check it."""
-    friction = field("mu", mu)
+    friction = field("mu", in_order("mu", mu), "")
     if (friction < 0.0).any():
         raise ValueError(
             f"mu is {friction.min():g}, but a coefficient of friction is at least zero"
@@ -122,6 +141,10 @@ def check_pressed(
             "given: " + ("neither is" if bound is None else "both are, but one decides the other")
         )
     if bound is not None:
+        if has_axes(bound):
+            if (unit := unit_of_axes("bound", bound)) not in (None, "mm"):
+                raise ValueError(f"the coordinates of bound are in {unit}, but must be in mm")
+            bound, element = measure_axes("bound", bound, element)
         g = check_bound(bound)
         if mu is not None:
             raise TypeError("mu is given, but bound is μ p itself: mu belongs to a normal result")
@@ -182,7 +205,7 @@ def check_rolled(
 
 def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return a shift as an array that broadcasts to a field of this shape, (components, ...)."""
-    array = field("shift", shift)
+    array = field("shift", in_order("shift", shift), "mm")
     if not np.isfinite(array).all():
         raise ValueError("shift has values that are not finite")
     m, *grid = shape
@@ -208,7 +231,7 @@ def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> 
             f"{name} is {force}, but must be {wanted}: with a component that is not given only "
             "bodies roll"
         )
-    force = field(name, force)
+    force = field(name, force, grid.force_unit)
     total, force = np.atleast_1d(force) / area, force.tolist()
     if len(grid.shape) == 1 and total.shape == (1,):
         total = widen(total, m)

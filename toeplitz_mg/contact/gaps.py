@@ -7,23 +7,28 @@ bodies they add up. They are pressed on a flat, and the gap is zero at the highe
     gap = max(heights) - heights.
 
 Where there is no material the gap is infinite: missing heights (NaN, or masked) are such, and they
-are never in contact. Heights of the library SurfaceTopography bring sizes, units and periodicity.
+are never in contact. What knows its own sizes, units or axes is asked for them, and an argument
+that contradicts it is refused: heights of a file (`reading`), topographies of SurfaceTopography,
+labelled arrays of xarray, quantities of pint.
 """
 
 import os
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Element
-from toeplitz_mg.values import field, refuse_masked
+from toeplitz_mg._typing import Array, Element, Unit
+from toeplitz_mg.contact.grid import read_sizes
+from toeplitz_mg.values import field, has_unit, in_unit, refuse_masked
 
 # Units of length in mm. SurfaceTopography writes them so; the two signs for micro look alike.
 UNITS = {
     "Gm": 1e12, "Mm": 1e9, "km": 1e6, "m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3,
     "μm": 1e-3, "nm": 1e-6, "Å": 1e-7, "A": 1e-7, "pm": 1e-9, "fm": 1e-12,
 }  # fmt: skip
+ALIKE = 1e-6  # Relative difference of sizes that are the same: coordinates may be of float32.
 
 
 class Surface(NamedTuple):
@@ -34,11 +39,30 @@ class Surface(NamedTuple):
     periodic: Any
 
 
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """Heights of a surface with the size of its elements: an argument ``heights=``.
+
+    Attributes
+    ----------
+    heights : ndarray of shape (n1, n2) or (n,)
+        mm, positive at summits, NaN where they are missing.
+    element : tuple of float, or None
+        Their size along each axis, mm; None where it has to be given.
+    periodic : bool
+        Whether the surface repeats.
+    """
+
+    heights: Array
+    element: tuple[float, ...] | None
+    periodic: bool = False
+
+
 def read_surface(
     gap: ArrayLike | None,
     element: Element | None,
     heights: Any,
-    unit: str | None,
+    unit: Unit | None,
     periodic: Any,
 ) -> Surface:
     """Return the surface that was given, or say what is wrong with it.
@@ -47,12 +71,13 @@ def read_surface(
     ----------
     gap : array_like or None
     element : float or (float, float), or None
-    heights : array_like, masked array, topography of SurfaceTopography, or None
+    heights : array_like, masked array, Heights, topography of SurfaceTopography, or None
         In the place of the gap.
-    unit : str or None
-        That of the gap or the heights, and of the element: mm, where there is no other.
+    unit : str or (str, str), or None
+        That of the gap or the heights, and of the element, or one of each: mm, where there is no
+        other.
     periodic : bool, tuple of bool or None
-        None is what a topography says, and False otherwise.
+        None is what the heights say, and False otherwise.
     """
     if (gap is None) == (heights is None):
         raise ValueError(
@@ -61,28 +86,114 @@ def read_surface(
         )
     if isinstance(heights, str | os.PathLike):
         raise TypeError(
-            f"heights is {str(heights)!r}, but must be heights: those of a file are read by "
-            "SurfaceTopography.read_topography, of numbers alone by np.load or np.loadtxt"
+            f"heights is {str(heights)!r}, but must be heights: give those of a file as "
+            "heights=contact.surfaces.read(path)"
         )
-    if _is_topography(gap):
-        raise TypeError("gap is a topography, which has heights: give it as heights")
-    if _is_topography(heights):
+    if isinstance(gap, Heights) or _is_topography(gap):
+        raise TypeError(f"gap is a {type(gap).__name__}, which has heights: give it as heights")
+    name, given = ("gap", gap) if heights is None else ("heights", heights)
+    if isinstance(given, Heights):
+        given, element, periodic = _ask_heights(given, element, unit, periodic)
+        unit = None
+    elif _is_topography(given):
+        sizes = tuple(np.atleast_1d(given.pixel_size).tolist())
         if element is not None:
             raise ValueError(
-                f"element is {element}, but a topography has its own: "
-                f"{tuple(np.atleast_1d(heights.pixel_size).tolist())} {heights.unit}"
+                f"element is {element}, but a topography has its own: {sizes} {given.unit}"
             )
-        unit = _agree_on_unit(heights.unit, unit)
-        element = tuple(np.atleast_1d(heights.pixel_size).tolist())
-        periodic = bool(heights.is_periodic) if periodic is None else periodic
-        heights = heights.heights()
+        unit = agree_on_unit("the topography", given.unit, unit)
+        element = sizes
+        periodic = bool(given.is_periodic) if periodic is None else periodic
+        given = given.heights()
+    elif has_axes(given):
+        given, element, unit = _ask_axes(name, given, element, unit)
+    factors = read_unit(unit)
+    if unit is not None and (has_unit(given) or has_unit(element)):
+        raise ValueError(f"unit is {unit!r}, but {name} or element has its own: leave unit out")
+    given = in_unit(name, given, "mm")
     if element is None:
         raise TypeError("element is missing: the size (h1, h2) of an element must be given")
-    z = _check_gap(gap) if gap is not None else _press_on_a_flat(heights)
-    if (factor := _factor(unit)) != 1.0:
-        z *= factor
-        element = (factor * field("element", element)).tolist()
+    z = _check_gap(given) if heights is None else _press_on_a_flat(given)
+    if unit is not None:
+        read_sizes(z.shape, element)  # In the unit that was given, as errors are to say it.
+        z *= factors[0]
+        element = tuple((factors[1] * np.atleast_1d(field("element", element))).tolist())
     return Surface(z, element, False if periodic is None else periodic)
+
+
+def _ask_heights(given: Heights, element: Any, unit: Any, periodic: Any) -> tuple[Any, Any, Any]:
+    """Return what a file says of its heights, and what was given beside it."""
+    for name, value in (("element", element), ("unit", unit)):
+        if value is not None and (name == "unit" or given.element is not None):
+            own = f"{given.element} mm" if name == "element" else "mm"
+            raise ValueError(f"{name} is {value!r}, but heights has its own, {own}: leave it out")
+    own = given.element if element is None else element
+    return given.heights, own, given.periodic if periodic is None else periodic
+
+
+def has_axes(values: Any) -> bool:
+    """Whether the axes of an array have names, as those of xarray."""
+    return hasattr(values, "dims") and hasattr(values, "coords") and hasattr(values, "transpose")
+
+
+def in_order(name: str, values: Any) -> Any:
+    """Return an array whose last axes are x and y; if they have names, by these."""
+    if not has_axes(values):
+        return values
+    dims = list(values.dims)
+    if len(dims) > 1 and not {"x", "y"} <= set(dims):
+        raise ValueError(
+            f"{name} has the axes {tuple(dims)}, but must have x and y: rename them, or give its "
+            "values, in this order"
+        )
+    own = [dim for dim in dims if dim not in ("x", "y")]
+    return values.transpose(*own, *(dim for dim in ("x", "y") if dim in dims))
+
+
+def measure_axes(name: str, values: Any, element: Any) -> tuple[Any, tuple[float, ...] | None]:
+    """Return an array with named axes in their order, and the element that its coordinates say."""
+    values = in_order(name, values)
+    found: list[float | None] = []
+    for dim in values.dims:
+        at = np.asarray(values.coords[dim].values, float) if dim in values.coords else np.zeros(1)
+        steps = np.diff(at)
+        if steps.size and not np.allclose(steps, steps.mean(), rtol=1e-3, atol=0.0):
+            raise ValueError(f"the coordinates {dim} of {name} are not evenly spaced: resample it")
+        if steps.size and steps[0] < 0.0:
+            values = values.isel({dim: slice(None, None, -1)})
+        found.append(abs(float(steps.mean())) if steps.size else None)
+    given = None if element is None else np.atleast_1d(field("element", element, "mm")).tolist()
+    if given is None:
+        return values, None if None in found else tuple(h for h in found if h is not None)
+    for dim, own, h in zip(values.dims, found, given, strict=False):
+        if own is not None and abs(own - h) > ALIKE * own:
+            raise ValueError(
+                f"element is {element}, but the coordinates {dim} of {name} are {own:g} apart: "
+                "leave it out, or drop the coordinates"
+            )
+    return values, tuple(given)
+
+
+def unit_of_axes(name: str, values: Any) -> str | None:
+    """Return the unit of the coordinates of an array with named axes, or None."""
+    units = {values.coords[dim].attrs.get("units") for dim in values.dims if dim in values.coords}
+    if len(units := units - {None}) > 1:
+        raise ValueError(f"the coordinates of {name} are in {sorted(units)}, but must be in one")
+    return next(iter(units), None)
+
+
+def _ask_axes(name: str, given: Any, element: Any, unit: Any) -> tuple[Any, Any, Any]:
+    """Return what a labelled array says of its axes and units, and what was given beside it."""
+    given, element = measure_axes(name, given, element)
+    for k, (of, own) in enumerate(
+        ((name, given.attrs.get("units")), ("its axes", unit_of_axes(name, given)))
+    ):
+        if own is not None:
+            pair = unit if isinstance(unit, tuple | list) else (unit, unit)
+            agreed = agree_on_unit(of, own, pair[k])
+            unit = (agreed, pair[1]) if k == 0 else (pair[0], agreed)
+    data = given.data if has_unit(given.data) else given.values
+    return data, element, unit
 
 
 def _is_topography(surface: Any) -> bool:
@@ -99,22 +210,25 @@ def _is_topography(surface: Any) -> bool:
     return True
 
 
-def _agree_on_unit(own: str | None, given: str | None) -> str:
-    """Return the unit of a topography."""
+def agree_on_unit(of: str, own: str | None, given: Unit | None) -> Any:
+    """Return the unit of heights that may have their own."""
     if own is None and given is None:
-        raise ValueError("the topography has no unit: say which it is, as unit='um'")
-    if own is not None and given is not None and _factor(own) != _factor(given):
-        raise ValueError(f"unit is {given!r}, but the topography is in {own!r}")
-    return own or given or "mm"
+        raise ValueError(f"{of} has no unit: give unit=, as 'um'")
+    if own is not None and given is not None and set(read_unit(given)) != set(read_unit(own)):
+        raise ValueError(f"unit is {given!r}, but {of} is in {own!r}")
+    return given if own is None else own
 
 
-def _factor(unit: str | None) -> float:
-    """Return a unit in mm."""
-    if unit is None:
-        return 1.0
-    if unit not in UNITS:
-        raise ValueError(f"unit is {unit!r}, but must be one of {', '.join(UNITS)}")
-    return UNITS[unit]
+def read_unit(unit: Unit | None) -> tuple[float, float]:
+    """Return the units of heights and of elements in mm, of one name or of two."""
+    names = (unit, unit) if unit is None or isinstance(unit, str) else tuple(unit)
+    if len(names) != 2:
+        raise ValueError(f"unit is {unit!r}, but must be one, or those of heights and elements")
+    for name in names:
+        if name is not None and name not in UNITS:
+            raise ValueError(f"unit is {name!r}, but must be one of {', '.join(UNITS)}")
+    heights, pixels = (1.0 if name is None else UNITS[name] for name in names)
+    return heights, pixels
 
 
 def _check_gap(gap: ArrayLike) -> Array:

@@ -91,7 +91,7 @@ class Grid:
         """
         if isinstance(element, Grid):
             return cast(Self, element)
-        sizes = _read_sizes(shape, element)
+        sizes = read_sizes(shape, element)
         material = combine(material)
         in_range("G", material.G)
         repeats = _read_periodic(periodic, len(shape))
@@ -118,6 +118,11 @@ class Grid:
     def area(self) -> float:
         """The area of an element; in plane strain per unit of length, its width."""
         return prod(self.element)
+
+    @property
+    def force_unit(self) -> str:
+        """The unit of forces: in plane strain they are per unit of length."""
+        return "N/mm" if len(self.element) == 1 else "N"
 
     @property
     def components(self) -> int:
@@ -304,7 +309,7 @@ class Grid:
         return evaluate_all(self.directions, longer, self.element, self.material, self.reference)
 
 
-def _read_sizes(shape: tuple[int, ...], element: Element) -> tuple[float, ...]:
+def read_sizes(shape: tuple[int, ...], element: Element) -> tuple[float, ...]:
     """Return the sizes of an element of a grid, or say what is wrong with them, or with the grid.
 
     There are two, along x and y, or of strips of infinite length one.
@@ -313,7 +318,7 @@ def _read_sizes(shape: tuple[int, ...], element: Element) -> tuple[float, ...]:
         raise ValueError(
             f"the grid has shape {shape}, but must be (n1, n2), or (n,) for line contact"
         )
-    given = np.atleast_1d(field("element", element))
+    given = np.atleast_1d(field("element", element, "mm"))
     sizes = tuple(given.ravel().tolist())
     if given.ndim > 1 or len(sizes) not in (1, 2) or len(sizes) < len(shape):
         raise ValueError(
@@ -357,4 +362,4 @@ def _read_reference(
             "a surface that repeats along one of two axes have a constant displacement that "
             "it decides"
         )
-    return positive("reference", reference)
+    return positive("reference", reference, "mm")

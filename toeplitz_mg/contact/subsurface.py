@@ -243,7 +243,7 @@ def subsurface_stresses(
     """
     parts = tuple(part for result in results for part in _parts(result))
     grid = _check_results(parts)
-    z = np.atleast_1d(field("depths", depths))
+    z = np.atleast_1d(field("depths", depths, "mm"))
     if z.ndim != 1 or z.size == 0 or not np.isfinite(z).all():
         raise ValueError(f"depths is {depths!r}, but must be a number, or a list of finite ones")
     if (z < 0.0).any():

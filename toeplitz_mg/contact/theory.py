@@ -178,17 +178,17 @@ def hertz(
             f"force is {force} and approach is {approach}, but one of the two must be given"
         )
     if force is not None:
-        force = finite("force", force)
+        force = finite("force", force, "N/mm" if math.isinf(max(R)) else "N")
         if force < 0.0:
             raise ValueError(f"force is {force:g}, but bodies that do not stick cannot pull")
         in_range("force", force)
     if approach is not None:
-        approach = positive("approach", approach)
+        approach = positive("approach", approach, "mm")
         in_range("approach", approach)
     if reference is not None:
         if math.isfinite(max(R)):
             raise ValueError(f"reference is {reference}, but is for a cylinder, in line contact")
-        reference = positive("reference", reference)
+        reference = positive("reference", reference, "mm")
     if math.isinf(max(R)):
         if force is None:
             raise ValueError(
@@ -201,7 +201,7 @@ def hertz(
 
 def add_curvatures(radii: ArrayLike) -> tuple[float, float]:
     """Return the curvatures along x and y, of one body or the sum of both, 1/mm."""
-    R = field("radii", radii)
+    R = field("radii", radii, "mm")
     if R.shape not in ((2,), (2, 2)):
         raise ValueError(f"radii is {radii!r}, but must be (R1, R2), or a pair of them")
     if (R == 0.0).any():
@@ -211,7 +211,7 @@ def add_curvatures(radii: ArrayLike) -> tuple[float, float]:
 
 
 def _check_radii(radii: ArrayLike) -> tuple[float, float]:
-    one = field("radii", radii)
+    one = field("radii", radii, "mm")
     if one.ndim == 0:  # It is that of a sphere.
         radii = [positive("radii", float(one))] * 2
     k = add_curvatures(radii)

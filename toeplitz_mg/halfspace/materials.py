@@ -57,7 +57,7 @@ class Material:
     nu: float
 
     def __init__(self, *, E: float, nu: float) -> None:
-        E, nu = positive("E", E), check_ratio(nu)
+        E, nu = positive("E", E, "N/mm**2"), check_ratio(nu)
         self._set(E / (2.0 * (1.0 + nu)), nu)
 
     @classmethod
@@ -86,7 +86,7 @@ class Material:
         >>> contact.Material.from_shear(82000.0, 0.28)
         Material(E=209920, nu=0.28)
         """
-        return cls._of(positive("G", G), check_ratio(nu))
+        return cls._of(positive("G", G, "N/mm**2"), check_ratio(nu))
 
     @classmethod
     def rigid(cls) -> Self:
@@ -301,7 +301,7 @@ def check_ratio(nu: float) -> float:
 
 def check_constants(G: float, nu: float) -> tuple[float, float]:
     """Return the two constants of a kernel, or say which of them no elastic body has."""
-    return positive("G", G), check_ratio(nu)
+    return positive("G", G, "N/mm**2"), check_ratio(nu)
 
 
 def check_difference(K: float, *, name: str = "K") -> float:

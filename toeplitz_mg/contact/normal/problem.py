@@ -17,7 +17,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Element, Progress
+from toeplitz_mg._typing import Array, Element, Progress, Unit
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
     check_hardness,
@@ -52,9 +52,10 @@ def normal_contact(
     *,
     material: Any,
     heights: Any = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     approach: float | None = None,
     force: float | None = None,
+    pressure: float | None = None,
     previous: NormalResult | None = None,
     reference: float | None = None,
     periodic: bool | tuple[bool, bool] | None = None,
@@ -78,18 +79,22 @@ def normal_contact(
         or the width alone: plane strain, with forces per mm of length.
     material : Material or (Material, Material)
         Of both bodies, or of the first and the second (see `contact.Material`).
-    heights : array_like, masked array, or topography of SurfaceTopography
+    heights : array_like, masked array, or what `surfaces.read` returns
         In the place of the gap: the heights of a surface on a flat, positive at summits, whose gap
-        is zero at the highest one. Those that are missing, NaN or masked, are no material. A
-        topography also says element, unit and periodicity. They may be of another library, too.
-    unit : str, optional
-        The unit of gap or heights, and element: "m", "mm", "um", "nm", ... Loads and results are
-        in N and mm. By default mm, or what a topography says.
+        is zero at the highest one. Those that are missing, NaN or masked, are no material. They may
+        be of another library, too. Those of a file, and a topography of SurfaceTopography, also say
+        element, unit and periodicity. Of an array of xarray, as of the gap, axes are those that are
+        named x and y, and the element is what the coordinates say.
+    unit : str or (str, str), optional
+        The unit of gap or heights, and element, or one of each, as ("nm", "um"): "m", "mm", "um",
+        "nm", ... Loads and results are in N and mm. By default mm, or what the heights say.
     approach : float
         The approach of the bodies, from where the gap is given, mm.
     force : float
-        The force that presses, N; in plane strain N/mm. Either this or the approach is given. No
-        force leaves the bodies where they first touch.
+        The force that presses, N; in plane strain N/mm. One of force, approach and pressure is
+        given. No force leaves the bodies where they first touch.
+    pressure : float
+        The mean pressure on the grid, N/mm²: the force over its area, that of one period.
     previous : NormalResult, optional
         A result under another load, or of a gap that is alike, on the same grid: what it is near
         to takes fewer products. It is a guess, no history: what has yielded (`hardness`) is taken
@@ -185,7 +190,7 @@ def normal_contact(
         _check_library(library, name, surface, grid)
     before = () if previous is None else (previous,)
     search = tolerance, nested, max_products, progress
-    asked = grid.agree(Pressed.of, grid, z, approach, force, *search, before, hardness)
+    asked = grid.agree(Pressed.of, grid, z, (approach, force, pressure), *search, before, hardness)
     result = press(grid, z, asked, progress, library)
     doubts.warn(check_converged(result, tolerance).warnings, within=grid.callers)
     return result
@@ -215,8 +220,7 @@ class Pressed:
         cls,
         grid: Grid,
         z: Array,
-        approach: float | None,
-        force: float | None,
+        load: tuple[Any, Any, Any],
         tolerance: float,
         nested: bool,
         max_products: int,
@@ -224,9 +228,13 @@ class Pressed:
         previous: Sequence[NormalResult] = (),
         hardness: float | None = None,
     ) -> Self:
-        """Return the arguments for the gap `z`, or say what is wrong with them."""
-        force = check_load(grid, z, approach, force)
-        check_hardness(grid, hardness, force)
+        """Return the arguments for the gap `z`, or say what is wrong with them.
+
+        The load are an approach, a force and a mean pressure, of which one is given.
+        """
+        approach, force = check_load(grid, z, *load)
+        if hardness is not None:
+            hardness = check_hardness(grid, hardness, force, pressure=load[2])
         check_iteration(tolerance, max_products, progress)
         for result in previous:
             check_same_grid(result, grid)
@@ -341,7 +349,7 @@ def load_curve(
     *,
     material: Any,
     heights: Any = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     forces: ArrayLike | None = None,
     approaches: ArrayLike | None = None,
     reference: float | None = None,
@@ -411,9 +419,9 @@ def load_curve(
     z, element, periodic = read_surface(gap, element, heights, unit, periodic)
     grid = Grid.of(z.shape, element, material, reference, periodic)
     check_iteration(tolerance, max_products, progress)
-    is_force, loads = _check_loads(forces, approaches)
+    is_force, loads = _check_loads(forces, approaches, grid)
     for load in loads.tolist():
-        force = check_load(grid, z, None if is_force else load, load if is_force else None)
+        _, force = check_load(grid, z, None if is_force else load, load if is_force else None)
         check_hardness(grid, hardness, force)
 
     def solve() -> Iterator[NormalResult]:
@@ -428,7 +436,7 @@ def load_curve(
             if len(known) == 1 and not known_load / LEAP < load < known_load * LEAP:
                 begins = ()
             search, gap = (tolerance, nested, max_products, progress), z + dents
-            asked = Pressed.of(grid, gap, approach, force, *search, begins, hardness)
+            asked = Pressed.of(grid, gap, (approach, force, None), *search, begins, hardness)
             result = press(grid, gap, asked, progress)
             if result.plastic is not None:
                 dents = dents + result.plastic
@@ -443,7 +451,9 @@ def load_curve(
     return solve()
 
 
-def _check_loads(forces: ArrayLike | None, approaches: ArrayLike | None) -> tuple[bool, Array]:
+def _check_loads(
+    forces: ArrayLike | None, approaches: ArrayLike | None, grid: Grid
+) -> tuple[bool, Array]:
     """Return whether forces are given, and the loads."""
     if (forces is None) == (approaches is None):
         raise ValueError(
@@ -452,7 +462,7 @@ def _check_loads(forces: ArrayLike | None, approaches: ArrayLike | None) -> tupl
         )
     name, given = ("forces", forces) if approaches is None else ("approaches", approaches)
     assert given is not None
-    loads = field(name, given)
+    loads = field(name, given, "mm" if forces is None else grid.force_unit)
     if loads.ndim != 1:
         raise ValueError(f"{name} has shape {loads.shape}, but must be a list of numbers")
     return forces is not None, np.asarray(loads)

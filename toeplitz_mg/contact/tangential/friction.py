@@ -39,7 +39,7 @@ from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.contact.tangential.solving import solve_shifted
 from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
-from toeplitz_mg.values import refuse_masked
+from toeplitz_mg.values import in_unit, refuse_masked
 
 
 def friction(
@@ -203,7 +203,7 @@ class Shifted:
         told = None if change is None else "a field" if of_elements else change.ravel().tolist()
         if force is not None:
             check_force(force, np.inf, grid)
-        force = refuse_masked("force", force).tolist()
+        force = refuse_masked("force", in_unit("force", force, grid.force_unit)).tolist()
         return cls(told, force, tolerance, bool(nested), max_products, change, before, previous)
 
 

@@ -23,9 +23,10 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.checks import check_force, widen
 from toeplitz_mg.contact.doubts import examine_creepages, examine_moment
+from toeplitz_mg.contact.gaps import in_order
 from toeplitz_mg.contact.grid import keep
 from toeplitz_mg.contact.tangential.law import size
-from toeplitz_mg.values import field, finite, in_range, refuse_masked
+from toeplitz_mg.values import field, finite, in_range, in_unit, refuse_masked
 
 CREEPAGES = ("longitudinal", "lateral", "spin")
 DEPENDENT = 1e-12  # Slip by a unit of spin, over the size of an element, that is rounding.
@@ -68,6 +69,8 @@ class Motion:
 
         Tractions beside it, of a guess or before, may be lateral in line contact.
         """
+        moment = in_unit("moment", moment, "N*mm")
+        creepages = tuple(map(in_unit, CREEPAGES, creepages, ("", "", "1/mm")))
         loads = (*_read_force(len(shape) == 1, force), moment)
         given: list[float | None] = []
         for name, load, value, wanted in zip(CREEPAGES, LOADS, creepages, loads, strict=True):
@@ -90,7 +93,7 @@ class Motion:
             raise ValueError(
                 f"{name} is {refused}, but line contact has longitudinal and lateral creepage only"
             )
-        middle = np.atleast_1d(field("pole", pole))
+        middle = np.atleast_1d(field("pole", pole, "mm"))
         if middle.shape != (2,) or not np.isfinite(middle).all():
             raise ValueError(f"pole is {pole}, but must be (x, y), and finite")
         x, y = middle.tolist()
@@ -286,7 +289,7 @@ def _read_force(is_line: bool, force: Any) -> tuple[float | None, float | None]:
 
 def _read_slip(shape: tuple[int, ...], slip: ArrayLike) -> Array:
     """Return a field of rigid slip, with its components first."""
-    w = field("slip", slip)
+    w = field("slip", in_order("slip", slip), "")
     allowed = [(2, *shape)]
     if len(shape) == 1:
         allowed.append(shape)

@@ -36,6 +36,7 @@ from toeplitz_mg.contact.tangential.motion import LOADS, BeyondBound, Motion
 from toeplitz_mg.contact.tangential.solving import SteadyOptions, find_steady_state
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
+from toeplitz_mg.values import in_unit
 
 ANY_SLIP = "the friction of any slip"
 # Rounding of what creepages leave of a slip that is given, over that slip, at most.
@@ -170,6 +171,7 @@ def rolling(
     """
     g, element, material = check_rolled(pressed, bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
+    force = in_unit("force", force, grid.force_unit)
     asked = (longitudinal, lateral, spin), force, moment, slip, pole
     search = tolerance, nested, max_products, progress, options, guess
     rolled = grid.agree(Rolled.of, g.shape, asked, *search)

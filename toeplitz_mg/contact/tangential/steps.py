@@ -29,7 +29,7 @@ from toeplitz_mg.contact.tangential.solving import solve_shifted
 from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import count
+from toeplitz_mg.values import count, in_unit
 
 
 def rolling_steps(
@@ -116,6 +116,7 @@ def rolling_steps(
     """
     g, element, material = check_rolled(pressed, bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
+    force = in_unit("force", force, grid.force_unit)
     motion = (longitudinal, lateral, spin), force, None, slip, pole
     search = tolerance, max_products, progress
     asked = grid.agree(Stepped.of, grid, g.shape, motion, steps, previous, *search)

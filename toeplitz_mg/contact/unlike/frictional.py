@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Element, Progress
+from toeplitz_mg._typing import Array, Element, Progress, Unit
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
     bound_of,
@@ -45,7 +45,7 @@ from toeplitz_mg.contact.unlike.alternation import (
 )
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.operators import apply_to_rows
-from toeplitz_mg.values import count, refuse_masked
+from toeplitz_mg.values import count, in_unit, refuse_masked
 
 INNER = 0.01  # Tolerance of each problem by itself, over that of both together.
 FARTHEST = 2.0  # Largest step, over the last, for which the tractions are extrapolated.
@@ -59,7 +59,7 @@ def frictional_contact(
     material: Any,
     mu: ArrayLike,
     heights: Any = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     approach: float | None = None,
     force: float | None = None,
     shift: ArrayLike | None = None,
@@ -172,7 +172,7 @@ def frictional_contact(
     earlier = getattr(previous, "tangential", None)
     if is_lateral(earlier) or has_two_components(z.shape, shift, tangential_force):
         grid = replace(grid, directions="xy")
-    force = check_load(grid, z, approach, force)
+    approach, force = check_load(grid, z, approach, force)
     friction = check_friction(mu, z.shape)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
@@ -224,7 +224,7 @@ def frictional_rolling(
     material: Any,
     mu: ArrayLike,
     heights: Any = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     approach: float | None = None,
     force: float | None = None,
     longitudinal: float = 0.0,
@@ -310,12 +310,13 @@ def frictional_rolling(
     """
     z, element = read_gap(gap, element, heights, unit)
     grid = Grid.of(z.shape, element, material, None)
-    force = check_load(grid, z, approach, force)
+    approach, force = check_load(grid, z, approach, force)
     friction = check_friction(mu, z.shape)
     check_iteration(tolerance, max_products, progress)
     most = count("max_iterations", max_iterations)
-    refuse_masked("tangential_force", tangential_force)
     creepages = longitudinal, lateral, spin
+    tangential_force = in_unit("tangential_force", tangential_force, grid.force_unit)
+    refuse_masked("tangential_force", tangential_force)
     motion = Motion.of(z.shape, creepages, tangential_force, moment, slip, pole)
     grid = replace(grid, directions=motion.directions)
     given = np.zeros((grid.components, *z.shape))
@@ -359,7 +360,7 @@ def frictional_rolling(
 
 
 def read_gap(
-    gap: ArrayLike | None, element: Element | None, heights: Any, unit: str | None
+    gap: ArrayLike | None, element: Element | None, heights: Any, unit: Unit | None
 ) -> tuple[Array, Any]:
     """Return the gap that was given, and the size of an element, mm: of what does not repeat."""
     z, element, periodic = read_surface(gap, element, heights, unit, None)
