@@ -355,15 +355,15 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
     assert_allclose(fields["pressure"], expected.pressure, atol=1e-6 * expected.max_pressure)
     np.savetxt(path, np.stack([x**1.1, np.zeros(100)], axis=1))
     assert_refused(run("rough", str(path), *options), "positions that are not evenly", capsys)
-    status = run("rough", str(path), *options, "--element", "25")
-    assert_refused(status, "has its own sizes: leave --element out", capsys)
+    assert run("rough", str(path), *options, "--element", "25") == 0  # It is interpolated.
+    assert "158 heights of a profile" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (["rough"], "rough needs a FILE of heights"),
-        (["rough", "x.npy"], "rough needs --force or --approach"),
+        (["rough", "x.npy"], "rough needs --force, --approach or --pressure"),
         (["rough", "nowhere.npy", "--force", "1", "--element", "1"], "nowhere.npy"),
         (["rough", "nowhere.xyz", "--force", "1"], "nowhere.xyz"),
         (["rough", "FILE", "--force", "1"], "has no sizes: give --element"),
@@ -423,7 +423,7 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
         (["hertz", "--force", "-1"], "--force is -1.0, but must be positive"),
         (["hertz", "--force", "inf"], "--force is inf, but must be finite"),
         (["hertz", "--force", "1e99"], "--force is of size 1e+99, but must be"),
-        (["hertz", "--radius", "0"], "--radius is 0.0, but must be positive"),
+        (["hertz", "--radius", "0"], "no radius of curvature is zero"),
         (["hertz", "--radius", "1", "2", "3"], "--radius has 3 values"),
         (["hertz", "--radius", "1", "1e9"], "one may be 10000 times the other at most"),
         (["hertz", "--nu", "0.6"], "--nu is 0.6, but must be above -1 and at most 0.5"),
@@ -438,7 +438,7 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
         (["hertz", "--tolerance", "1"], "--tolerance is 1.0, but must be below 1"),
         (["hertz", "--force", "1", "--approach", "1"], "--force and --approach are both given"),
         (["hertz", "--line", "--approach", "1"], "--approach is not for --line"),
-        (["hertz", "--line", "--radius", "1", "2"], "--radius has two values, but --line takes"),
+        (["hertz", "--line", "--radius", "1", "2"], "--radius has several values, but --line"),
         (["hertz", "--friction", "0.3"], "--friction is for shift and rolling, not hertz"),
         (["shift", "--friction", "inf"], "--friction is inf: give --tangential or --shift"),
         (["shift", "--friction", "nan"], "--friction is nan, but must be finite"),

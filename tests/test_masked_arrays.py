@@ -116,6 +116,7 @@ use(contact.load_curve, gap=GRID, **CONTACT, forces=[1.0, 2.0])
 use(contact.load_curve, gap=GRID, **CONTACT, approaches=[1.0, 2.0])
 use(contact.normal_contact, gap=GRID, **CONTACT, force=1.0)
 use(contact.normal_contact, gap=GRID, **CONTACT, approach=1.0)
+use(contact.normal_contact, gap=GRID, **CONTACT, pressure=1.0)
 use(contact.normal_contact, gap=ONES, **CONTACT | {"element": 1.0}, force=1.0, reference=9.0)
 use(contact.hertz, radii=(9.0, 4.0), material=STEEL, force=1.0)
 use(contact.hertz, radii=9.0, material=STEEL, approach=1.0)
@@ -174,6 +175,9 @@ use(surfaces.cylinder, shape=SHAPE, element=ELEMENT, radius=9.0)
 use(surfaces.wavy, shape=SHAPE, element=ELEMENT, amplitude=1.0, wavelength=2.0)
 waves = {"hurst": 0.8, "longest": 8.0, "roll_off": 6.0, "shortest": 4.0}
 use(surfaces.rough, shape=(16, 16), element=ELEMENT, rms=1.0, **waves)
+profile = np.c_[np.arange(-4.0, 5.0), np.arange(-4.0, 5.0) ** 2]
+profiles = {"wheel": profile, "rail": -profile, "radius": 99.0, "lateral": 0.0, "roll": 0.0}
+use(surfaces.wheel_rail, shape=SHAPE, element=ELEMENT, **profiles, smoothing=0.0)
 for problem in (problems.test1, problems.test2, problems.test3):
     use(problem, n=16)
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.

@@ -15,6 +15,7 @@ from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.contact import Material
+from toeplitz_mg.contact.reading import LEVELS
 from toeplitz_mg.paper.problems import TESTS
 from toeplitz_mg.values import in_range
 
@@ -67,7 +68,7 @@ class Option(NamedTuple):
     """An option of the command line.
 
     Its values are a number, positive or not, a whole number, a word, a file or none, as of a
-    switch; "2" marks one of two values at most, and "inf" numbers that may be infinite. It is for
+    switch; a digit says how many values it has at most, "inf" that they may be infinite. It is for
     some cases of `contact`, or for commands for linear systems. Its help says what it is, with its
     unit, and its default.
     """
@@ -81,6 +82,11 @@ class Option(NamedTuple):
     def type(self) -> Any:
         """What reads a value."""
         return TYPES[self.values.split()[0]]
+
+    @property
+    def most(self) -> int:
+        """How many values it may have."""
+        return max(int(word) for word in ("1", *self.values.split()) if word.isdigit())
 
 
 TYPES = {"number": float, "positive": float, "whole": whole_number, "word": str, "file": Path}
@@ -109,13 +115,16 @@ OF_LINEAR = {
     "dpi": Option("whole", LINEAR, 150, "dots an inch of it (default: 150)"),
 }
 OF_CONTACT = {
-    "radius": Option("positive 2", SMOOTH, (10.0,),
-        "of the sphere, mm; of two values, the radii of curvature along x and y (default: 10)"),
+    "radius": Option("number 4 inf", SMOOTH, (10.0,),
+        "of the sphere, mm; of two values, the radii of curvature along x and y, of four those of "
+        "both bodies: inf where a body is straight, negative where it is concave (default: 10)"),
     "line": Option("switch", SMOOTH, None,
         "line contact of a cylinder in plane strain: forces are N/mm"),
     "force": Option("positive", CASES, None,
         "normal force, N or N/mm (default: 100, but of rough)"),
     "approach": Option("positive", CASES, None, "of the bodies, mm; in place of the force"),
+    "pressure": Option("positive", ROUGH, None,
+        "mean pressure on the grid, N/mm²; in place of the force"),
     "G": Option("positive", CASES, 82000.0,
         "shear modulus of both bodies, N/mm² (default: 82000)"),
     "E": Option("positive", CASES, None,
@@ -148,9 +157,14 @@ OF_CONTACT = {
         "violation of the conditions of contact, relative to the largest displacement "
         "(default: 1e-8)"),
     "element": Option("positive 2", ROUGH, None,
-        "size of a pixel along x, or x and y, where the file does not say it"),
-    "unit": Option("word", ROUGH, None,
-        "of heights and pixels, as um (default: that of the file; of heights alone mm)"),
+        "size of a pixel along x, or x and y, where the file does not say it; or that at which a "
+        "profile at uneven positions is interpolated"),
+    "unit": Option("word 2", ROUGH, None,
+        "of heights and pixels, as um, or of each, as nm um (default: that of the file; of heights "
+        "alone mm)"),
+    "channel": Option("word", ROUGH, None, "number, from 0, or name, of several in the file"),
+    "level": Option("word", ROUGH, None,
+        f"subtract what is nearest of {', '.join(LEVELS)} from the heights"),
     "periodic": Option("switch", ROUGH, None, "the surface repeats, whatever the file says"),
     "hardness": Option("positive", ROUGH, None,
         "pressure at which the softer body yields, N/mm² (default: it does not)"),
@@ -190,6 +204,8 @@ RULES_OF_CONTACT["nu2"] = RULES_OF_CONTACT["nu"]
 # Of two options that both decide one thing only one is given.
 EXCLUSIVE = (
     ("force", "approach"),
+    ("force", "pressure"),
+    ("approach", "pressure"),
     ("tangential", "shift"),
     ("tangential", "longitudinal"),
     ("tangential", "lateral"),
@@ -292,7 +308,7 @@ def _add(parser: Any, name: str, option: Option, more: dict[str, Any]) -> None:
     special: dict[str, Any] = {"type": option.type} | more
     if option.type is None:
         special = {"action": "store_true"}
-    elif "2" in option.values:
+    elif option.most > 1:
         special |= {"nargs": "+", "metavar": name.upper()}
     parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=option.help, **special)
 
@@ -318,8 +334,8 @@ def _check(table: Mapping[str, Option], rules: Rules, given: Mapping[str, Any], 
         if case not in option.cases:
             raise ValueError(f"{flag} is for {' and '.join(option.cases)}, not {case}")
         values = value if isinstance(value, list) else [value]
-        if len(values) > 2:
-            raise ValueError(f"{flag} has {len(values)} values, but takes 1 to 2")
+        if len(values) > option.most:
+            raise ValueError(f"{flag} has {len(values)} values, but takes 1 to {option.most}")
         is_right, said = rules.get(name, (None, ""))
         for x in values:
             if isinstance(x, float) and not ("inf" in option.values and math.isinf(x)):
@@ -442,8 +458,10 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
             raise ValueError(f"--{one} and --{other} are both given, but one decides the other")
     if case == "rough" and "file" not in options:
         raise ValueError("rough needs a FILE of heights")
-    if case == "rough" and not {"force", "approach"} & options.keys():
-        raise ValueError("rough needs --force or --approach")
+    if case == "rough" and not {"force", "approach", "pressure"} & options.keys():
+        raise ValueError("rough needs --force, --approach or --pressure")
+    if len(options.get("radius", ())) == 3:
+        raise ValueError("--radius has 3 values, but takes 1, 2, or 4 of both bodies")
     if case != "rough" and "file" in options:
         raise ValueError(f"a file, {options['file']}, is for rough, not {case}")
     has_load = "tangential" in options or "shift" in options
@@ -465,4 +483,4 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
         )
     for name in ("radius", "tangential", "shift"):
         if len(options.get(name, ())) > 1:
-            raise ValueError(f"--{name} has two values, but --line takes one")
+            raise ValueError(f"--{name} has several values, but --line takes one")

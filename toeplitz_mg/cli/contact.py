@@ -63,9 +63,11 @@ class Hertzian:
     def of(cls, options: argparse.Namespace) -> "Hertzian":
         """Choose the grid, or say why the one asked for does not do."""
         o = options
-        radii = o.radius[0], math.inf if o.line else o.radius[-1]
+        radii = _radii(o)
         theory = hertz(radii=radii, material=o.material, force=o.force, approach=o.approach)
         a, b = theory.half_axes
+        if not o.line and math.isinf(max(a, b)):
+            raise ValueError("--radius is straight along an axis: give --line, and one radius")
         longer = 2.0 * (a if o.line else max(a, b))
         size = MARGIN * longer if o.size is None else o.size
         if size < longer:
@@ -145,7 +147,7 @@ class Hertzian:
         """The distance of the bodies before they touch."""
         if self.options.line:
             return surfaces.cylinder(self.shape, self.element, radius=self.options.radius[0])
-        radii = self.options.radius[0], self.options.radius[-1]
+        radii = _radii(self.options)
         n1, n2 = self.shape
         return surfaces.ellipsoid((n1, n2), (self.h, self.h), radii=radii)
 
@@ -190,6 +192,13 @@ class Hertzian:
             )
         if wanted > most * (1.0 + SLIDES):
             raise ValueError(f"--tangential is {wanted:g}, but friction carries {most:.6g} at most")
+
+
+def _radii(o: argparse.Namespace) -> Any:
+    """Return the radii of curvature as `surfaces.ellipsoid` takes them."""
+    if len(o.radius) == 4:
+        return tuple(o.radius[:2]), tuple(o.radius[2:])
+    return o.radius[0], math.inf if o.line else o.radius[-1]
 
 
 def run(given: argparse.Namespace) -> int:

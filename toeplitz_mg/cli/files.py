@@ -3,7 +3,6 @@
 import io
 import os
 import stat
-import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
@@ -14,6 +13,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import ContactResult
+from toeplitz_mg.tables import TEXT
 from toeplitz_mg.whole_files import (
     check_folder,
     find_status,
@@ -21,71 +21,7 @@ from toeplitz_mg.whole_files import (
     new_whole,
 )
 
-TEXT = (".txt", ".csv", ".dat")  # Endings of the names of files that are text.
 STANDARD_OUTPUT = 1  # File descriptor of where the report is printed.
-
-
-def load(path: Path) -> Array:
-    """Read an array from a ``.npy`` file, or a table of numbers from a text file.
-
-    Raises
-    ------
-    OSError
-        Where there is no such file.
-    ValueError
-        Where it is not what its name says, holds Python objects, or no numbers at all.
-    """
-    with path.open("rb") as file:
-        try:
-            if path.suffix.lower() in TEXT:
-                array: Any = _read_text(file.read().decode("utf-8-sig"))  # As Excel writes it.
-            else:
-                array = np.load(file, allow_pickle=False)
-        except MemoryError:  # The array is too large, or its header.
-            raise ValueError(f"{path} needs more memory than there is") from None
-        except Exception as error:  # NumPy parses the header as Python, so it may be any of many.
-            raise ValueError(f"{path} {_describe(path, error)}") from None
-    if not isinstance(array, np.ndarray):
-        raise ValueError(f"{path} holds several arrays (.npz), but one is needed (.npy)")
-    if array.size == 0:
-        raise ValueError(f"{path} holds no numbers: its array has shape {array.shape}")
-    return array
-
-
-def _read_text(text: str) -> Array:
-    """Read a table of numbers, separated by semicolons, or else by commas, or else by blanks."""
-    rows = [line.partition("#")[0] for line in text.splitlines()]
-    separator = next((mark for mark in ";," if any(mark in row for row in rows)), None)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # Of no numbers, which is refused anyway.
-        try:
-            return np.loadtxt(io.StringIO(text), delimiter=separator, ndmin=1)
-        except ValueError:
-            _refuse_row(rows, separator)
-            raise
-
-
-def _refuse_row(rows: Sequence[str], separator: str | None) -> None:
-    """Raise ValueError for the first row that is none of a table, counted from 1."""
-    columns = 0
-    for number, row in enumerate(rows, 1):
-        cells = row.split(separator) if row.strip() else []
-        for place, cell in enumerate(cells, 1):
-            try:
-                float(cell)
-            except ValueError:
-                wrong = repr(cell.strip()) if cell.strip() else "nothing"
-                raise ValueError(f"line {number} has {wrong} in column {place}") from None
-        if len(cells) != (columns := columns or len(cells)) and cells:
-            raise ValueError(f"line {number} has {len(cells)} numbers, and those above {columns}")
-
-
-def _describe(path: Path, error: Exception) -> str:
-    """Say what a file is not, without NumPy's advice to unpickle what nobody knows."""
-    if path.suffix.lower() in TEXT:
-        return f"is not a table of numbers with points for decimals: {error}"
-    said = "" if "pickle" in str(error) else f": {error}"
-    return f"is not a NumPy file of numbers (.npy); text is read from {', '.join(TEXT)}{said}"
 
 
 def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:

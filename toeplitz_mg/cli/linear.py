@@ -21,6 +21,7 @@ from toeplitz_mg.operators.base import grid_of
 from toeplitz_mg.operators.lifting import unwrap
 from toeplitz_mg.paper import published
 from toeplitz_mg.paper.problems import TESTS
+from toeplitz_mg.tables import load_table
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,7 @@ def _format_published(label: str, options: argparse.Namespace) -> str:
 
 def _load_real(path: Path) -> Array:
     """Read real numbers, in double precision: no less has the residual that is asked for."""
-    array = files.load(path)
+    array = load_table(path)
     if array.dtype.kind not in "buif":
         raise ValueError(f"{path} has dtype {array.dtype}, but must be of real numbers")
     wrong = np.argwhere(~np.isfinite(array))
@@ -276,7 +277,7 @@ def _load_real(path: Path) -> Array:
 
 def _load_mask(path: Path) -> Array:
     """Read a mask of booleans, or of 0 and 1."""
-    mask = files.load(path)
+    mask = load_table(path)
     if mask.dtype == np.bool_:
         return mask
     if mask.dtype.kind not in "uif":

@@ -4,11 +4,27 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element
+from toeplitz_mg.contact.gaps import Heights
 from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.contact.profiles import WheelRail, wheel_rail
+from toeplitz_mg.contact.reading import read
 from toeplitz_mg.contact.theory import add_curvatures
 from toeplitz_mg.engine import fourier
 from toeplitz_mg.halfspace import Material
 from toeplitz_mg.values import count, generator, in_range, positive, real, refuse_masked
+
+__all__ = [
+    "Heights",
+    "WheelRail",
+    "centres",
+    "cylinder",
+    "ellipsoid",
+    "read",
+    "rough",
+    "sphere",
+    "wavy",
+    "wheel_rail",
+]
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
@@ -286,7 +302,7 @@ def rough(
 
 def _length(name: str, value: float) -> float:
     """Return a length, mm, that is positive, and whose powers can be represented."""
-    length = positive(name, value)
+    length = positive(name, value, "mm")
     in_range(name, length)
     return length
 

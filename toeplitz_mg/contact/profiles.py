@@ -1,0 +1,248 @@
+"""Wheel and rail: measured profiles, and the gap between them where they touch.
+
+Profiles are points (y, z) in the plane across the track, mm: y towards the field side, so that the
+flange of a wheel is at negative y, and z upwards.
+"""
+
+import re
+from itertools import pairwise
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline, make_smoothing_spline
+from scipy.optimize import minimize_scalar
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.gaps import UNITS
+from toeplitz_mg.contact.grid import Grid
+from toeplitz_mg.halfspace import Material
+from toeplitz_mg.tables import decode
+from toeplitz_mg.values import count, field, finite, positive, real, refuse_masked
+
+SAMPLES = 4000  # Places across the track at which the profiles are compared first.
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+
+
+class WheelRail(NamedTuple):
+    """A wheel on a rail in the frame of the contact: x along the rail, y across, in its plane.
+
+    Attributes
+    ----------
+    gap : ndarray of shape (n1, n2)
+        Between wheel and rail before they are pressed, mm; zero in the middle, where they first
+        touch, and infinite where a profile ends.
+    angle : float
+        The angle of the plane of contact, radians: positive where the rail falls towards the
+        flange.
+    point : (float, float)
+        Where they touch, y and z in the frame of the rail, mm.
+    radius : float
+        The rolling radius of the wheel there, mm.
+    """
+
+    gap: Array
+    angle: float
+    point: tuple[float, float]
+    radius: float
+
+
+def wheel_rail(
+    shape: tuple[int, int],
+    element: tuple[float, float],
+    *,
+    wheel: str | PathLike[str] | ArrayLike,
+    rail: str | PathLike[str] | ArrayLike,
+    radius: float,
+    lateral: float = 0.0,
+    roll: float = 0.0,
+    smoothing: float = 0.0,
+) -> WheelRail:
+    """Return the gap between a wheel and a rail, in the frame of the contact.
+
+    Parameters
+    ----------
+    shape, element
+        The grid, as in `centres`, of two axes: along the rail, and across it.
+    wheel, rail : path, or array_like of shape (k, 2)
+        The profiles: files of MiniProf (``.whl``, ``.ban``) or SIMPACK (``.prw``, ``.prr``), tables
+        of two columns; or points (y, z), mm, with z upwards and y towards the field side. The
+        signs of files are told by what a profile is: flange and head point down, the flange is at
+        negative y. A rail has the y of its file.
+    radius : float
+        The rolling radius of the wheel where y = 0 on its profile, the tape circle, mm.
+    lateral : float
+        The displacement of the wheel towards the field side, mm.
+    roll : float
+        The angle of the wheel about x, less the cant of the rail, radians: positive where its field
+        side rises.
+    smoothing : float
+        The weight λ of the curvature in the splines through the points, mm³: they minimise the
+        squares of the distances plus λ ∫f″². Measured points need some, as curvatures decide on
+        the contact.
+
+    Returns
+    -------
+    WheelRail
+        The gap, the angle of the contact, where it is, and the rolling radius.
+
+    Raises
+    ------
+    OSError
+        Where there is no such file.
+    ValueError, TypeError
+        For profiles that are none, or do not meet, and for a grid that is none of `centres`.
+
+    See Also
+    --------
+    ellipsoid : of two bodies, by their radii of curvature.
+    toeplitz_mg.contact.rolling : rolls the wheel.
+
+    Notes
+    -----
+    The wheel is a body of revolution, without yaw; the rail is straight. They first touch where the
+    distance of the profiles is least.
+
+    Examples
+    --------
+    A tread with a cone of 1:40 on a head with a radius of 300 mm touches 7.5 mm from the middle.
+
+    >>> import numpy as np
+    >>> from toeplitz_mg.contact import surfaces
+    >>> y = np.linspace(-30.0, 30.0, 61)
+    >>> tread, head = np.c_[y, y / 40], np.c_[y, -(y**2) / 600]
+    >>> found = surfaces.wheel_rail((40, 40), (0.5, 0.5), wheel=tread, rail=head, radius=460.0)
+    >>> round(found.point[0], 2), round(found.angle, 4)
+    (-7.5, 0.025)
+    >>> flat = surfaces.ellipsoid((40, 40), (0.5, 0.5), radii=(460.0, 300.0))
+    >>> bool(np.abs(found.gap - flat).max() < 2e-3)
+    True
+    """
+    if refuse_masked("shape", shape).shape != (2,):
+        raise ValueError(f"shape is {shape}, but must be (n1, n2)")
+    counts = tuple(count("shape", n) for n in shape)
+    grid = Grid.of(counts, element, Material.from_shear(1.0, 0.0), None)
+    R, moved = positive("radius", radius, "mm"), finite("lateral", lateral, "mm")
+    turn, weight = finite("roll", roll, "rad"), real("smoothing", smoothing)
+    if not 0.0 <= weight < np.inf:
+        raise ValueError(f"smoothing is {smoothing}, but must be at least zero, and finite")
+    own, top = _read("wheel", wheel), _read("rail", rail)
+    tread = _run("wheel", own)
+    if not tread[0, 0] <= 0.0 <= tread[-1, 0]:
+        raise ValueError("the profile wheel has no y = 0, where its radius is given")
+    tape = float(_spline("wheel", tread, weight)(0.0))
+    turned = _turn(turn)
+    low = own @ turned + (moved, 0.0)
+    f, g = (_spline(name, _run(name, p), weight) for name, p in (("wheel", low), ("rail", top)))
+    y = _touch(f, g, *(_run(name, p)[[0, -1], 0] for name, p in (("wheel", low), ("rail", top))))
+    z, angle = float(f(y)), float(np.arctan(g(y, 1)))
+    # In the frame of the contact both profiles go through zero, level.
+    level, across, local = _turn(-angle), grid.centres()[1], []
+    for name, points, at in (("wheel", low, z), ("rail", top, float(g(y)))):
+        run = _run(name, (points - (y, at)) @ level)
+        inside = (across >= run[0, 0]) & (across <= run[-1, 0])
+        local.append(np.where(inside, _spline(name, run, weight)(across), np.nan))
+    # The rolling radius is less where the wheel's own profile is higher.
+    places = np.stack([np.append(across, 0.0), np.append(local[0], 0.0)], axis=1) @ level.T
+    own_places = (np.array([y - moved, z]) + places) @ turned.T
+    r = R + tape - own_places[:, 1]
+    r, rolling = np.where(np.isfinite(r[:-1]), r[:-1], R), float(r[-1])
+    x = grid.centres()[0][:, None]
+    if np.abs(x).max() >= r.min():
+        raise ValueError(f"the grid reaches {np.abs(x).max():g} mm along x, beyond the wheel")
+    gap = local[0] - local[1] + np.cos(angle - turn) * (r - np.sqrt(r**2 - x**2))
+    gap = np.where(np.isfinite(gap), gap, np.inf)
+    return WheelRail(gap, angle, (y, float(g(y))), rolling)
+
+
+def _turn(angle: float) -> Array:
+    """Return the matrix from whose left points, as rows, are turned by an angle."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])
+
+
+def _touch(f: Any, g: Any, *ends: Array) -> float:
+    """Return where across the track two profiles are nearest to each other."""
+    low, high = max(y for y, _ in ends), min(y for _, y in ends)
+    if not low < high:
+        raise ValueError("the profiles of wheel and rail have no y in common: see lateral")
+    y = np.linspace(low, high, SAMPLES)
+    k = int(np.argmin(f(y) - g(y)))
+    if k in (0, SAMPLES - 1):
+        raise ValueError(
+            f"wheel and rail touch where a profile ends, at y = {y[k]:.4g} mm: see lateral and roll"
+        )
+    bounds = y[k - 1], y[k + 1]
+    return float(
+        minimize_scalar(
+            lambda y: float(f(y) - g(y)), bounds=bounds, method="bounded", options={"xatol": 1e-10}
+        ).x
+    )
+
+
+def _run(name: str, points: Array) -> Array:
+    """Return the longest part of a profile along which y increases, of points with y apart."""
+    y = points[:, 0]
+    up = np.sign(np.diff(y))
+    ends = [0, *(np.flatnonzero(np.diff(up)) + 1).tolist(), len(y) - 1]
+    parts = [points[a : b + 1] for a, b in pairwise(ends)]
+    part = max(parts, key=lambda p: float(np.ptp(p[:, 0])))
+    part = part if part[0, 0] < part[-1, 0] else part[::-1]
+    if len(part) < 4:
+        raise ValueError(f"the profile {name} has {len(part)} points in order, but needs 4")
+    return part
+
+
+def _spline(name: str, points: Array, weight: float) -> Any:
+    """Return z over y of a profile."""
+    y, z = points.T
+    if weight > 0.0 and len(y) < 5:
+        raise ValueError(f"the profile {name} has {len(y)} points, but smoothing needs 5")
+    return make_smoothing_spline(y, z, lam=weight) if weight > 0.0 else CubicSpline(y, z)
+
+
+def _read(name: str, profile: Any) -> Array:
+    """Return the points (y, z) of a profile, z upwards, y towards the field side."""
+    if not isinstance(profile, str | PathLike):
+        points = field(name, profile, "mm")
+        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+            raise ValueError(f"{name} has shape {points.shape}, but must be finite points (k, 2)")
+        return points
+    points = read_points(Path(profile))
+    z = points[:, 1] - np.median(points[:, 1])
+    if z.max() > -z.min():  # Heads and flanges point down: as written z did.
+        points = points * (1.0, -1.0)
+    low = points[:, 1] < np.median(points[:, 1]) - 0.5 * np.ptp(points[:, 1])
+    if name == "wheel" and low.any() and points[low, 0].mean() > np.median(points[:, 0]):
+        points = points * (-1.0, 1.0)
+    return points
+
+
+def read_points(path: Path) -> Array:
+    """Return the points of a profile in a file of SIMPACK or MiniProf, or of two columns, mm."""
+    text, scale, at = decode(path.read_bytes()), 1.0, (0, 1)
+    if "point.begin" in text:
+        head, _, body = text.partition("point.begin")
+        body = body.partition("point.end")[0]
+        unit = re.search(r"units\.len\s*=\s*'?([a-zA-Z]+)'?", head)
+        per_metre = re.search(rf"units\.len\.f\s*=\s*({NUMBER})", head)
+        if unit is not None and unit[1] not in UNITS:
+            raise ValueError(f"{path} is in {unit[1]!r}, but must be in {', '.join(UNITS)}")
+        scale = UNITS[unit[1]] if unit else 1e3 / float(per_metre[1]) if per_metre else 1.0
+    else:
+        head = "\n".join(line for line in text.splitlines() if "=" in line)
+        body = "\n".join(line for line in text.splitlines() if "=" not in line)
+        if columns := re.search(r"ColumnDef\s*=\s*\"?([^\"\n]*)", head, re.IGNORECASE):
+            names = [name.strip().upper() for name in columns[1].split(",")]
+            if not {"X", "Y"} <= set(names):
+                raise ValueError(f"{path} has the columns {names}, but must have X and Y")
+            at = names.index("X"), names.index("Y")
+    rows = [re.findall(NUMBER, re.split(r"[!#%]", line)[0]) for line in body.splitlines()]
+    rows = [row for row in rows if row]
+    if len(rows) < 4 or min(map(len, rows)) <= max(at):
+        raise ValueError(f"{path} has no profile: 4 lines at least with the numbers y and z")
+    points = scale * np.array([[float(row[k]) for k in at] for row in rows])
+    apart = np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > 0.0)
+    return np.asarray(points[apart])

@@ -1,0 +1,257 @@
+"""Heights from files: tables of numbers, and what SurfaceTopography reads of instruments."""
+
+import io
+import re
+import zlib
+from collections.abc import Callable
+from itertools import product
+from math import prod
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from toeplitz_mg._typing import Array, Element, Unit
+from toeplitz_mg.contact.gaps import Heights, agree_on_unit, read_unit
+from toeplitz_mg.contact.grid import read_sizes
+from toeplitz_mg.tables import TEXT, UTF_16, decode, load_table, open_file
+from toeplitz_mg.values import numbers, positive
+
+TABLES = (".npy", *TEXT)  # Endings of files that are read without the extra `surfaces`.
+SIZE = re.compile(r"#.*[:=]\s*[-+.\d]")  # A comment that may say one, as "# Width: 1 mm".
+FEWEST = 4  # Fewest columns of a table of heights: of two or three, the first are positions.
+LEVELS = ("mean", "plane", "quadratic")  # Polynomials of degree 0, 1 and 2.
+
+
+def read(
+    path: str | PathLike[str],
+    *,
+    channel: int | str | None = None,
+    level: str | None = None,
+    element: Element | None = None,
+    unit: Unit | None = None,
+) -> Heights:
+    """Read the heights of a surface, or of a profile, from a file.
+
+    Parameters
+    ----------
+    path : str or path
+        Of a table of heights, ``.npy`` or text, whose rows follow each other along x; or of any
+        file that SurfaceTopography reads (``pip install 'toeplitz-mg[surfaces]'``), whatever its
+        ending: those of instruments, positions beside heights, containers. It may be compressed
+        (``.gz``).
+    channel : int or str, optional
+        Which of several in the file, by its number, from 0, or its name; by default the one that
+        SurfaceTopography takes.
+    level : {"mean", "plane", "quadratic"}, optional
+        What is subtracted: the polynomial of degree 0, 1 or 2 that is nearest to the heights that
+        are there.
+    element : float or (float, float), optional
+        The size of a pixel, where the file does not say it. Of a profile at positions that are not
+        evenly spaced it is the distance at which it is interpolated, linearly.
+    unit : str or (str, str), optional
+        The unit of heights and pixels, or one of each, as ("nm", "um"), where the file does not say
+        it; of tables by default mm.
+
+    Returns
+    -------
+    Heights
+        In mm, NaN where they are missing: the argument ``heights=`` of `normal_contact`.
+
+    Raises
+    ------
+    OSError
+        Where there is no such file.
+    ValueError, TypeError
+        Where it cannot be read, and where an argument is missing, or contradicts the file.
+
+    See Also
+    --------
+    toeplitz_mg.contact.normal_contact : presses the surface on a flat.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from toeplitz_mg.contact import surfaces
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "heights.csv"
+    ...     np.savetxt(path, [[0, 1, 2, 3], [1, 2, 3, np.nan]], delimiter=",")
+    ...     surface = surfaces.read(path, level="plane", element=2.0, unit=("nm", "um"))
+    >>> surface.element, np.abs(np.nan_to_num(surface.heights)).max() < 1e-20
+    ((0.002, 0.002), np.True_)
+    """
+    path = Path(path)
+    if level not in (None, *LEVELS):
+        raise ValueError(f"level is {level!r}, but must be one of {', '.join(LEVELS)}")
+    scale = read_unit(unit)
+    ending = path.with_suffix("").suffix if path.suffix.lower() == ".gz" else path.suffix
+    heights, refused = None, None
+    if ending.lower() in TABLES and not (ending.lower() in TEXT and _says_sizes(path)):
+        try:
+            heights = _read_heights(path)
+        except ValueError as error:
+            refused = ValueError(f"{error}; a height that is missing is written nan")
+    periodic = False
+    if heights is None:
+        found = _ask_library(path, channel, refused)
+        if found is None or (found.sizes is None and ending.lower() in TEXT):
+            # Rows of such a text would be taken along y.
+            if refused is not None or ending.lower() not in TEXT:
+                raise refused or ValueError(
+                    f"{path} cannot be read: SurfaceTopography knows no such format"
+                )
+            heights = _read_heights(path)
+        else:
+            heights, element = _sample(path, found, element)
+            scale = read_unit(agree_on_unit(str(path), found.unit, unit))
+            periodic = found.periodic
+    elif channel is not None:
+        raise ValueError(f"channel is {channel!r}, but {path} is a table of heights alone")
+    if level is not None:
+        heights = subtract(heights, LEVELS.index(level))
+    if element is not None:
+        square = np.size(element) == 1 and heights.ndim == 2
+        sizes = read_sizes(heights.shape, (element, element) if square else element)
+        element = tuple(scale[1] * h for h in sizes)
+    return Heights(scale[0] * heights, element, periodic)
+
+
+def _says_sizes(path: Path) -> bool:
+    """Whether a text has comments that may say sizes."""
+    with open_file(path) as file:
+        try:
+            return any(SIZE.match(line) for line in decode(file.read()).splitlines())
+        except (UnicodeDecodeError, EOFError, zlib.error):
+            return False
+
+
+def _read_heights(path: Path) -> Array:
+    """Read a table of heights, of a surface or along a profile, or say why these are none."""
+    heights = load_table(path)
+    if heights.ndim == 2 and heights.shape[1] < FEWEST <= heights.shape[0]:
+        raise ValueError(
+            f"{path} has {heights.shape[1]} columns, as positions beside heights, but must be a "
+            "table of heights alone"
+        )
+    return numbers(str(path), heights)
+
+
+class _Found(NamedTuple):
+    """What SurfaceTopography has found in a file; sizes and unit are None where it has none."""
+
+    read: Callable[..., Any]
+    pixels: tuple[int, ...]
+    sizes: Any
+    unit: str | None
+    periodic: bool
+
+
+def _ask_library(path: Path, channel: int | str | None, refused: Exception | None) -> _Found | None:
+    """Return what SurfaceTopography finds in a file, None where it knows no such format."""
+    path.open("rb").close()  # So that a file that is not there is an error as of any other.
+    try:
+        # It is an extra, and slow to import.
+        from SurfaceTopography import open_topography
+        from SurfaceTopography.Container.IO import read_container
+        from SurfaceTopography.Exceptions import CannotDetectFileFormat
+    except ImportError as error:
+        raise refused or ValueError(
+            f"reading {path} needs SurfaceTopography: pip install 'toeplitz-mg[surfaces]'; or "
+            f"give heights alone, as a file {', '.join(TABLES)} without lines that say sizes"
+        ) from error
+    try:
+        with open_file(path) as file:
+            data = file.read()
+        source = io.BytesIO(decode(data).encode() if data[:2] in UTF_16 else data)
+        try:
+            reader = open_topography(source)
+            names = [str(info.name) for info in reader.channels]
+            chosen = reader.default_channel
+            if channel is not None:
+                chosen = reader.channels[_choose(channel, names)]
+            if not chosen.is_height_channel:
+                raise ValueError(f"channel {chosen.name!r} has no heights; channels are {names}")
+            return _Found(chosen.topography, *_facts(chosen))
+        except CannotDetectFileFormat:
+            surfaces = read_container(source)
+        several = [(surface, k) for surface in surfaces for k in range(len(surface))]
+        if channel is None and len(several) > 1:
+            raise ValueError(f"it has {len(several)} surfaces: give channel=, from 0")
+        number = _choose(channel or 0, [str(k) for k in range(len(several))])
+        surface, k = several[number]
+        found = surface[k]
+        return _Found(lambda: found, *_facts(found))
+    except CannotDetectFileFormat:
+        return None
+    except OSError:
+        raise
+    except Exception as error:  # Each of its formats raises errors of its own.
+        raise ValueError(f"{path} cannot be read: {error}") from error
+
+
+def _facts(x: Any) -> tuple[Any, ...]:
+    return tuple(x.nb_grid_pts), x.physical_sizes, x.unit, bool(x.is_periodic)
+
+
+def _choose(channel: int | str, names: list[str]) -> int:
+    """Return the number of a channel that is chosen by that or by its name."""
+    if isinstance(channel, str) and channel in names:
+        return names.index(channel)
+    try:
+        number = int(channel)
+    except ValueError:
+        number = -1
+    if not 0 <= number < len(names):
+        raise ValueError(f"channel is {channel!r}, but the file has {', '.join(names)}")
+    return number
+
+
+def _sample(path: Path, found: _Found, element: Any) -> tuple[Array, Any]:
+    """Return the heights that SurfaceTopography reads, NaN where there are none, and the pixel."""
+    sizes: dict[str, Any] = {}
+    if found.sizes is None:
+        if element is None:
+            raise ValueError(f"{path} has no sizes: give element=")
+        sizes["physical_sizes"] = tuple((np.array(found.pixels) * element).tolist())
+    try:
+        topography = found.read(**sizes)
+    except OSError:
+        raise
+    except Exception as error:
+        raise ValueError(f"{path} cannot be read: {error}") from error
+    heights = topography.heights()
+    if topography.is_uniform:
+        if element is not None and not sizes:
+            raise ValueError(f"{path} has its own sizes: leave element= out")
+        pixel = tuple(np.atleast_1d(topography.pixel_size).tolist())
+        return np.ma.filled(np.ma.asarray(heights, np.float64), np.nan), pixel
+    if element is None:
+        raise ValueError(
+            f"{path} is a profile at positions that are not evenly spaced: give element=, the "
+            "distance at which it is to be interpolated"
+        )
+    x, h = np.asarray(topography.positions()), positive("element", element)
+    at = x[0] + h * np.arange(int((x[-1] - x[0]) / h * (1.0 + 1e-12)) + 1)
+    return np.interp(at, x, heights), h
+
+
+def subtract(heights: Array, degree: int) -> Array:
+    """Return heights without the polynomial of a degree that is nearest to those that are there."""
+    axes = [np.linspace(-1.0, 1.0, n) for n in heights.shape]
+    grid = np.meshgrid(*axes, indexing="ij", sparse=True)
+    there = np.isfinite(heights)
+    if not there.any():
+        return heights
+    level = heights - heights[there].mean()
+    known = np.where(there, level, 0.0)
+    terms = [
+        prod(x**k for x, k in zip(grid, powers, strict=True)) * there
+        for powers in product(range(degree + 1), repeat=heights.ndim)
+        if sum(powers) <= degree
+    ]
+    gram = [[np.vdot(a, b) for a in terms] for b in terms]
+    found, *_ = np.linalg.lstsq(np.array(gram), np.array([np.vdot(a, known) for a in terms]))
+    return level - sum(c * term for c, term in zip(found, terms, strict=True))
