@@ -31,9 +31,8 @@ from toeplitz_mg.engine.threads import (
 )
 from toeplitz_mg.engine.workspace import workspace
 
+AT_ONCE = 2 * PIECE  # Numbers up to which pieces take longer to begin than the cache saves.
 PART = 2**13  # Most numbers of a piece: OpenBLAS shares a vector of more than 10,000 among threads.
-AT_ONCE = 2**17  # Numbers up to which pieces take longer to begin than the cache saves.
-REDUCED = 2**18  # Numbers of a field that a thread reduces to one at once.
 
 # From a number, or an array of them, to those of all processes, in the same order in each of them.
 Gather = Callable[[Any], Sequence[Any]]
@@ -192,8 +191,7 @@ def _reduce(of_part: Callable[[Array], Any], combine: Callable[[list[Any]], Any]
         def work(part: slice) -> None:
             numbers[part.start] = of_part(x[part])
 
-        # There is nothing between that should stay in the cache.
-        share_slices(work, len(x), max(1, REDUCED * len(x) // x.size), x.size)
+        share_slices(work, len(x), max(1, PIECE * len(x) // x.size), x.size)
         return combine([numbers[start] for start in sorted(numbers)])
 
     return reduce
