@@ -105,18 +105,6 @@ def test_like_materials_are_two_problems_exactly(shift):
     assert len(both.residuals) == 1
 
 
-def test_units():
-    """Metres and pascals in the place of millimetres and N/mm²."""
-    gap, element, mm = sphere(force=0.2)
-    soft = Material.from_shear(SOFT.G * 1e6, SOFT.nu)
-    m = frictional_contact(
-        1e-3 * gap, tuple(1e-3 * h for h in element), material=(soft, RIGID), mu=0.3, force=0.2
-    )
-    assert_allclose(m.normal.pressure, 1e6 * mm.normal.pressure, rtol=1e-6)
-    assert_allclose(m.normal.approach, 1e-3 * mm.normal.approach, rtol=1e-6)
-    assert_allclose(m.tangential.traction, 1e6 * mm.tangential.traction, atol=1.0)
-
-
 def test_by_approach_as_by_force_and_by_a_tangential_force_as_by_a_shift():
     _, _, one = sphere(shift=(0.01, 0.0), tolerance=1e-8)
     loads = {"approach": one.normal.approach, "tangential_force": one.tangential.force}
@@ -205,13 +193,6 @@ def test_friction_of_each_element():
     _, _, uniform = sphere(mu=np.full((24, 24), 0.3), tolerance=1e-8)
     _, _, number = sphere(mu=0.3, tolerance=1e-8)
     assert np.array_equal(uniform.tangential.traction, number.tangential.traction)
-
-
-def test_a_step_that_changes_nothing():
-    _, _, one = sphere(tolerance=1e-8)
-    _, _, two = sphere(previous=one, tolerance=1e-8)
-    assert_allclose(two.tangential.traction, one.tangential.traction, atol=1e-7)
-    assert np.abs(two.tangential.slip).max() < 1e-7 * np.abs(one.tangential.slip).max() + 1e-9
 
 
 def test_line_contact_in_plane_strain():

@@ -314,12 +314,3 @@ def test_failure_is_an_error_that_says_what_is_violated():
 
 
 # Surfaces -----------------------------------------------------------------------------------
-
-
-@doubtful
-def test_a_wavy_surface_touches_at_its_crests():
-    gap = surfaces.wavy((64, 64), (0.05, 0.05), amplitude=0.01, wavelength=1.6)
-    contact = normal_contact(gap, (0.05, 0.05), material=UNIT, approach=0.003)
-    assert_complementary(contact)
-    assert contact.contact[gap < 0.0005].all()
-    assert_allclose(contact.pressure, contact.pressure[::-1, ::-1], atol=1e-6)
