@@ -369,7 +369,8 @@ class ToeplitzNormal:
         if self.noise is None or len(self.shape) > 1:
             raise ValueError("logpdf_estimate is for one axis with noise that differs: use logpdf")
         residual, mask = _check_series(y, observed, self.mean)
-        level = float(np.exp(np.log(np.maximum(self.noise, 1e-3 * self.noise.mean())).mean()))
+        least = 1e-3 * self.noise.mean() + 1e-300
+        level = float(np.exp(np.log(np.maximum(self.noise, least)).mean()))
         c = self.A.c.copy()
         c[0] += level
         equal = ToeplitzNormal(c)
