@@ -10,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 
+import toeplitz_mg as tmg
 from tests.command_line import MODULE, main
 
 ROOT = os.getcwd()
@@ -45,13 +46,34 @@ def interrupted(folder, *command):
     )
 
 
-def test_what_is_slow_to_import_waits_until_it_is_needed():
-    program = "import sys, toeplitz_mg, toeplitz_mg.slabs; print(*sys.modules)"
+ROOMS = ["contact", "covariances", "fractional", "halfspace", "paper", "slabs"]
+SLOW = {"scipy.optimize", "scipy.stats", "matplotlib", "mpi4py", "array_api_compat", "xarray"}
+
+
+@pytest.mark.parametrize(
+    ("then", "waits"),
+    [
+        ("tmg.solve_toeplitz([2.0, 1.0], [1.0, 1.0])", {f"toeplitz_mg.{x}" for x in ROOMS} | SLOW),
+        ("[getattr(tmg, name) for name in dir(tmg)]", SLOW),
+        ("from toeplitz_mg import *; contact, ToeplitzNormal", SLOW),
+    ],
+)
+def test_what_is_slow_to_import_waits_until_it_is_needed(then, waits):
+    program = f"import sys, toeplitz_mg as tmg; {then}; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT
     )
-    slow = {"scipy.optimize", "scipy.stats", "matplotlib", "mpi4py", "array_api_compat", "xarray"}
-    assert not slow & set(done.stdout.split())
+    assert not waits & set(done.stdout.split())
+
+
+def test_what_is_shown_is_public_and_all_of_it():
+    assert set(dir(tmg)) == {*tmg.__all__, *ROOMS, "__version__"}
+    for package in (tmg.contact, tmg.contact.surfaces):
+        assert dir(package) == sorted(package.__all__)
+    assert "Material" in dir(tmg.contact)
+    assert dir(tmg.contact.surfaces)[-1] == "wavy"
+    with pytest.raises(AttributeError, match="has no attribute 'contct'"):
+        tmg.contct  # noqa: B018
 
 
 @pytest.mark.parametrize("how", [["-m", "toeplitz_mg"], ["-mtoeplitz_mg"], ["toeplitz-mg"]])

@@ -2,7 +2,9 @@
 
 # Before all others, as they take the time in which Ctrl-C may come.
 from toeplitz_mg import startup  # noqa: F401, I001
-from toeplitz_mg import contact, covariances, fractional, halfspace
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from toeplitz_mg.multigrid_cycle import (
     Interpolation,
     Multigrid,
@@ -54,7 +56,10 @@ from toeplitz_mg.solvers.least_squares import (
 )
 from toeplitz_mg.solvers.toeplitz.refinement import SolveInfo
 from toeplitz_mg.solvers.richardson import richardson
-from toeplitz_mg.gaussian import NormalFit, ToeplitzNormal
+
+if TYPE_CHECKING:
+    from toeplitz_mg import contact, covariances, fractional, halfspace
+    from toeplitz_mg.gaussian import NormalFit, ToeplitzNormal
 
 __all__ = [
     "CoupledOperator",
@@ -112,3 +117,20 @@ __all__ = [
     "use_transforms",
 ]
 __version__ = "0.1.0"
+
+# Imported when they are used first, as importing them takes longer than solving a small system.
+_PACKAGES = ("contact", "covariances", "fractional", "halfspace", "paper", "slabs")
+_OF_GAUSSIAN = ("NormalFit", "ToeplitzNormal")
+
+if not TYPE_CHECKING:  # A type checker would take every name for one that is found here.
+
+    def __getattr__(name: str) -> Any:
+        if name in _PACKAGES:
+            return import_module(f"{__name__}.{name}")
+        if name in _OF_GAUSSIAN:
+            return getattr(import_module(f"{__name__}.gaussian"), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *_PACKAGES, "__version__"})

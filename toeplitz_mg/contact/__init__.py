@@ -55,3 +55,7 @@ __all__ = [
     "subsurface_stresses",
     "surfaces",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -27,6 +27,10 @@ __all__ = [
 ]
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
     """Return the coordinates of the centres of the elements, zero in the middle of the grid.
 
