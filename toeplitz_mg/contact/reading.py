@@ -113,9 +113,9 @@ def read(
     if level is not None:
         heights = subtract(heights, LEVELS.index(level))
     if element is not None:
-        square = np.size(element) == 1 and heights.ndim == 2
-        sizes = read_sizes(heights.shape, (element, element) if square else element)
-        element = tuple(scale[1] * h for h in sizes)
+        is_square = np.size(element) == 1 and heights.ndim == 2
+        sizes = read_sizes(heights.shape[:1] if is_square else heights.shape, element)
+        element = tuple(scale[1] * h for h in sizes * (1 + is_square))
     return Heights(scale[0] * heights, element, periodic)
 
 
