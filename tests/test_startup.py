@@ -71,7 +71,7 @@ def test_what_is_shown_is_public_and_all_of_it():
     for package in (tmg.contact, tmg.contact.surfaces):
         assert dir(package) == sorted(package.__all__)
     assert "Material" in dir(tmg.contact)
-    assert dir(tmg.contact.surfaces)[-1] == "wavy"
+    assert "wavy" in dir(tmg.contact.surfaces)
     with pytest.raises(AttributeError, match="has no attribute 'contct'"):
         tmg.contct  # noqa: B018
 

@@ -51,6 +51,10 @@ class Heights:
         Their size along each axis, mm; None where it has to be given.
     periodic : bool
         Whether the surface repeats.
+
+    See Also
+    --------
+    toeplitz_mg.contact.surfaces.read : makes it of a file.
     """
 
     heights: Array
@@ -91,7 +95,9 @@ def read_surface(
         )
     if isinstance(gap, Heights) or _is_topography(gap):
         raise TypeError(f"gap is a {type(gap).__name__}, which has heights: give it as heights")
-    name, given = ("gap", gap) if heights is None else ("heights", heights)
+    name, given = "gap" if heights is None else "heights", heights
+    if heights is None:
+        given = gap
     if isinstance(given, Heights):
         given, element, periodic = _ask_heights(given, element, unit, periodic)
         unit = None
@@ -125,8 +131,10 @@ def _ask_heights(given: Heights, element: Any, unit: Any, periodic: Any) -> tupl
     """Return what a file says of its heights, and what was given beside it."""
     for name, value in (("element", element), ("unit", unit)):
         if value is not None and (name == "unit" or given.element is not None):
-            own = f"{given.element} mm" if name == "element" else "mm"
-            raise ValueError(f"{name} is {value!r}, but heights has its own, {own}: leave it out")
+            theirs = f"{given.element} mm" if name == "element" else "mm"
+            raise ValueError(
+                f"{name} is {value!r}, but heights has its own, {theirs}: leave it out"
+            )
     own = given.element if element is None else element
     return given.heights, own, given.periodic if periodic is None else periodic
 

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline, make_smoothing_spline
 from scipy.optimize import minimize_scalar
 
 from toeplitz_mg._typing import Array
@@ -41,6 +40,10 @@ class WheelRail(NamedTuple):
         Where they touch, y and z in the frame of the rail, mm.
     radius : float
         The rolling radius of the wheel there, mm.
+
+    See Also
+    --------
+    wheel_rail : makes it.
     """
 
     gap: Array
@@ -200,6 +203,8 @@ def _spline(name: str, points: Array, weight: float) -> Any:
     y, z = points.T
     if weight > 0.0 and len(y) < 5:
         raise ValueError(f"the profile {name} has {len(y)} points, but smoothing needs 5")
+    from scipy.interpolate import CubicSpline, make_smoothing_spline  # They are slow to import.
+
     return make_smoothing_spline(y, z, lam=weight) if weight > 0.0 else CubicSpline(y, z)
 
 
