@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize_scalar
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.gaps import UNITS
@@ -168,6 +167,8 @@ def _turn(angle: float) -> Array:
 
 def _touch(f: Any, g: Any, *ends: Array) -> float:
     """Return where across the track two profiles are nearest to each other."""
+    from scipy.optimize import minimize_scalar  # It is slow to import.
+
     low, high = max(y for y, _ in ends), min(y for _, y in ends)
     if not low < high:
         raise ValueError("the profiles of wheel and rail have no y in common: see lateral")
