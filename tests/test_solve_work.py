@@ -28,7 +28,7 @@ PROCESSES = {
     "(-0.9)^k": of_lags(lambda k: (-0.9) ** k),
     "0.9^k + 0.99^k/2": of_lags(lambda k: 0.9**k + 0.5 * 0.99**k),
     "Matérn 3/2": of_lags(lambda k: (1.0 + k / 30.0) * np.exp(-k / 30.0)),
-    "Matérn 5/2": of_lags(lambda k: (1.0 + k / 9.0 + (k / 9.0) ** 2 / 3.0) * np.exp(-k / 9.0)),
+    "Matérn 5/2": of_lags(lambda k: (1.0 + k / 6.0 + (k / 6.0) ** 2 / 3.0) * np.exp(-k / 6.0)),
     "damped cosine": of_lags(lambda k: 0.995**k * np.cos(0.3 * k), [(0, 0.1)]),
     "autoregressive, order 2": autoregressive(0.5, -0.7),
     "autoregressive, order 3": autoregressive(0.8, 0.3 + 0.4j, 0.3 - 0.4j),

@@ -245,7 +245,7 @@ def _read(c_or_cr: Any, b: ArrayLike) -> tuple[Array, Array, Array]:
 
 def _numbers(values: ArrayLike, name: str) -> Array:
     if type(values) is np.ndarray and values.dtype in (np.float64, np.complex128):
-        return values  # Sooner than by what follows, which a small system would feel.
+        return values  # In fewer calls than by what follows.
     if isinstance(values, LinearOperator) or issparse(values) or not is_serial(values):
         raise TypeError(
             f"{name} is {values!r}, but must be an array: of a ToeplitzOperator A on one axis c is "
@@ -260,7 +260,7 @@ def _solve_short(
 ) -> tuple[Array, SolveInfo] | None:
     """Solve one small system by Levinson's recursion, or return None where that is not enough.
 
-    `solve_system` does the same, and more, in thrice the calls, which a small system would feel.
+    `solve_system` does the same, and more, in thrice the calls, which are most of the time here.
     """
     if not (c.ndim == 1 and c.size > 0 and b.shape == c.shape == r.shape):
         return None
