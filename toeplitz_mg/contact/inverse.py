@@ -128,11 +128,18 @@ class Inverse:
 
         Where the set is near that to be found it is worth that at once, else when it changes less.
         """
-        if self._decays:
-            self._fit_to_few(C)
+        if self._decays:  # From the second set on, as the first is far from the last.
+            is_first, self._before = self._before is None, C
+            if is_first or prod(self._grid.shape) < WIDE:
+                return
+            if self._local is None or self._measure_change(C, self._local.C) > ALIKE:
+                self._local = self._set_up(C) or self._local
             return
         if self._grid.is_line:
-            self._fit_to_line(C)
+            # Once the iterations on other sets have taken as long as a set-up.
+            is_kept = self._local and is_fsai_kept(self._measure_change(C, self._local.C))
+            if self.is_slow and not is_kept:
+                self._local = self._set_up(C)
             return
         if any(self._grid.periodic):
             return  # There A itself has an inverse, that of its waves, as cheap as a product.
@@ -144,23 +151,11 @@ class Inverse:
             change = self._measure_change(C, before)
         self._local = invert_locally(self._grid, self._A, C, change=change, dtype=self.dtype)
 
-    def _fit_to_line(self, C: Array) -> None:
-        """Take FSAI of each set once the iterations on others have taken as long as a set-up."""
-        if not self.is_slow:
-            return
-        if self._local is None or not is_fsai_kept(self._measure_change(C, self._local.C)):
-            self._local = None
-            with suppress(np.linalg.LinAlgError):
-                self._local = LocalInverse(self._grid.invert_by_fsai(self._A, C, self.dtype), C)
-
-    def _fit_to_few(self, C: Array) -> None:
-        """Take FSAI from the second set on, as the first is far from the last."""
-        is_first, self._before = self._before is None, C
-        if is_first or prod(self._grid.shape) < WIDE:
-            return
-        if self._local is None or self._measure_change(C, self._local.C) > ALIKE:
-            with suppress(np.linalg.LinAlgError):
-                self._local = LocalInverse(self._grid.invert_by_fsai(self._A, C, self.dtype), C)
+    def _set_up(self, C: Array) -> LocalInverse | None:
+        """Return FSAI on a set, or None where it is refused."""
+        with suppress(np.linalg.LinAlgError):
+            return LocalInverse(self._grid.invert_by_fsai(self._A, C, self.dtype), C)
+        return None
 
     def __call__(self, r: Array, out: Array | None = None) -> Array:
         """Apply it to a field that is zero outside of the set; the result is not.

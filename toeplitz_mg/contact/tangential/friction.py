@@ -236,16 +236,10 @@ def shift_bodies(
         if total is not None:
             least = max(least, _displace_by_mean(window.grid, products.A, g, total, before))
         problem = Problem(window.grid, g, b, asked.tolerance, least, progress)
-        loads = Loads.of_sums(total, b)
-        if all_slides:
-            assert total is not None
-            state, slip = slide_off(problem, total, products)
-        else:
-            if previous is not None:
-                guess = admit(problem, clip(before, g), np.zeros(g.shape, bool))
-            state, slip = solve_shifted(problem, loads, products, guess, nested=asked.nested), None
-            if total is None:
-                state = replace(state, shift=np.zeros(len(b)))
+        if previous is not None:
+            guess = admit(problem, clip(before, g), np.zeros(g.shape, bool))
+        how = {"all_slides": all_slides, "nested": asked.nested}
+        state, slip = find_tractions(problem, total, products, guess, **how)
     state, slip, count, units = window.same((state, slip, products.count, products.units(work)))
     result = make_result(problem, state, window, count, units, slip)
     moved = result.shift
@@ -254,6 +248,26 @@ def shift_bodies(
             change = change + problem.uniform(state.shift)
         moved = as_given(change, is_field=asked.shift == "a field")
     return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
+
+
+def find_tractions(
+    problem: Problem,
+    total: Array | None,
+    A: Products,
+    guess: tuple[Array, Areas] | None,
+    *,
+    all_slides: bool,
+    nested: bool,
+) -> tuple[State, Array | None]:
+    """Return the state of bodies that are shifted, where the sum of the tractions may be given.
+
+    Where all slides, the slip is returned, which is not that of the displacements.
+    """
+    if all_slides:
+        assert total is not None
+        return slide_off(problem, total, A)
+    state = solve_shifted(problem, Loads.of_sums(total, problem.b), A, guess, nested=nested)
+    return (replace(state, shift=np.zeros(len(problem.b))) if total is None else state), None
 
 
 def _displace_by_mean(grid: Any, A: Any, g: Array, total: Array, before: Array) -> float:

@@ -22,10 +22,7 @@ from toeplitz_mg.contact.normal.search import Iterate, Search
 from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
 from toeplitz_mg.contact.tangential import friction
-from toeplitz_mg.contact.tangential.friction import slide_off
 from toeplitz_mg.contact.tangential.law import Problem, State, admit, drop_rounding
-from toeplitz_mg.contact.tangential.loads import Loads
-from toeplitz_mg.contact.tangential.solving import solve_shifted
 from toeplitz_mg.contact.window import MARGIN, Window
 from toeplitz_mg.operators import apply_to_rows
 
@@ -189,20 +186,17 @@ class Shifting:
         g = drop_rounding(bound_of(self.mu, p), self.grid.vectors)
         window = self._fit(g > 0.0)
         b = self.b - self.coupling.along(p)
-        problem = Problem(
-            window.grid,
-            window.cut(g),
-            window.cut(b),
-            self.tolerance,
-            self.least,
-            self.report,
-        )
+        limits = self.tolerance, self.least, self.report
+        problem = Problem(window.grid, window.cut(g), window.cut(b), *limits)
         products = Products(self.matrix, self.max_products)
+        guess, total, carried = None, self.total, g.sum() * (1.0 - SLIDES)
+        if self.q is not None:
+            slide = np.zeros(self.grid.shape, bool) if self.slide is None else self.slide
+            guess = admit(problem, window.cut(self.q), window.cut(slide))
         # All that the bound carries, or more, lets all slide.
-        if self.total is not None and np.linalg.norm(self.total) >= g.sum() * (1.0 - SLIDES):
-            state, slip = slide_off(problem, self.total, products)
-        else:
-            state, slip = self._solve(window, problem, products), None
+        all_slides = total is not None and bool(np.linalg.norm(total) >= carried)
+        how = {"all_slides": all_slides, "nested": self.nested}
+        state, slip = friction.find_tractions(problem, total, products, guess, **how)
         self.products += products.count
         self.report.add(products.count, self.max_products)
         self.found = Found(problem, state, window, slip)
@@ -216,15 +210,6 @@ class Shifting:
         # The work of both problems together is with the pressures.
         result = friction.make_result(problem, state, window, self.products, 0.0, slip)
         return add_displacements(result, self.coupling.along(p), self.grid)
-
-    def _solve(self, window: Window, problem: Problem, products: Products) -> State:
-        """Return the state of stick and slip."""
-        guess, loads = None, Loads.of_sums(self.total, problem.b)
-        if self.q is not None:
-            slide = np.zeros(self.grid.shape, bool) if self.slide is None else self.slide
-            guess = admit(problem, window.cut(self.q), window.cut(slide))
-        state = solve_shifted(problem, loads, products, guess, nested=self.nested)
-        return state if len(loads.wanted) else replace(state, shift=np.zeros(len(problem.b)))
 
     def _fit(self, contact: Array) -> Window:
         """Return a window of all elements in contact: the last one, while that has them all."""
