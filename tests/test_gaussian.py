@@ -197,10 +197,9 @@ def test_beyond_the_dense_sizes_noise_is_by_iteration_and_its_density_dense_or_e
     logdet = 2.0 * np.log(np.diag(factor[0])).sum()
     exact = -0.5 * (form + logdet + o.sum() * np.log(2 * np.pi))
     assert process.logpdf(y) == pytest.approx(exact, rel=1e-11)
-    value, error = process.logpdf_estimate(y, random_state=0)
+    value, error = process.logpdf_estimate(y, probes=8, random_state=0)
     assert 0.0 < error < 1e-2 * abs(exact)
     assert abs(value - exact) <= 5 * error
-    assert process.logpdf_estimate(y, probes=4, random_state=0)[1] > error
 
 
 def test_variances_of_many_gaps_are_those_of_draws_and_say_so():

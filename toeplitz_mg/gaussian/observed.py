@@ -2,7 +2,8 @@
 
 `observe` chooses by how many points are observed and missing: a series without gaps is a `Whole`,
 one with few a `Gaps`, a grid of few observed points a `Few`, which may have noise that differs by
-point, and any other a `Many`, which has no log-determinant.
+point, and any other a `Many`, which has no log-determinant. All have the same methods; A_oo is the
+covariance of the observed points, and E extends these by zeros to the grid.
 """
 
 import os
@@ -10,7 +11,7 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from math import isqrt
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -42,39 +43,6 @@ PANEL = 2**16  # Numbers of the rows that are made at once: they stay in the cac
 LOST = 1 / 30  # Relative error of derivatives over that of the covariance of what is missing.
 INEXACT = 1e-8  # Relative error of derivatives above which there is a warning.
 NOISY = 1e-3  # Rounding of a quadratic form, for each unknown, above which there is a warning.
-
-
-class Observed(Protocol):
-    """What is known of the covariance A_oo of the observed points.
-
-    E extends these points by zeros to the grid.
-    """
-
-    @property
-    def log_determinant(self) -> LogDeterminant | None:
-        """That of the series without gaps, with its error, where `logdet` rests on it."""
-
-    @property
-    def rounding(self) -> float:
-        """An estimate of the relative error of the covariance of what is missing, if it is used."""
-
-    def solve(self, Y: Rows) -> tuple[Rows, Array]:
-        """Return α = E A_oo⁻¹ Eᵀ y for each row y, as long as the grid, and yᵀ α."""
-
-    def estimate(self, Y: Rows) -> Rows:
-        """Return the means A α of all points, given each row y."""
-
-    def logdet(self) -> float:
-        """Return log det A_oo."""
-
-    def by_covariances(self, X: Rows) -> Array:
-        """Return the derivatives of the logarithm of the density by all c, for each row α."""
-
-    def variances(self) -> Array:
-        """Return the variances of what is missing, given what is observed."""
-
-    def inverse_diagonal(self) -> Array:
-        """Return the diagonal of E A_oo⁻¹ Eᵀ."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +81,7 @@ class Whole:
         return self.column.polynomial.diagonal_sums
 
     def by_covariances(self, X: Rows) -> Array:
-        """Return the derivatives by all covariances (see `Observed`)."""
+        """Return the derivatives of the logarithm of the density by all c, for each row α."""
         return _by_lags(X, self.diagonal_sums())
 
     def variances(self) -> Array:
@@ -215,7 +183,7 @@ class Gaps:
         return 3.0 * EPS * float(size * self.variances().sum())
 
     def by_covariances(self, X: Rows) -> Array:
-        """Return the derivatives by all covariances (see `Observed`).
+        """Return the derivatives of the logarithm of the density by all c, for each row α.
 
         Those of log det B by x = A⁻¹ e₁ are turned into those by c by one more solve, as
         dx = -A⁻¹ dA x.
@@ -396,6 +364,9 @@ class Many:
             f"exactly only of up to {largest_dense()} on this machine, whose dense matrix takes a "
             f"quarter of its memory; {beyond}; conditional needs none"
         )
+
+
+Observed = Whole | Gaps | Few | Many
 
 
 def _variances(known: Few | Many, points: Array, explained: Array) -> Array:
