@@ -9,6 +9,8 @@
 - An exponential covariance, for which celerite2 and statsmodels have recursions in O(n), where they
   are installed; and against Levinson's recursion as SciPy has compiled it.
 - Iterations for A + D, D a diagonal of noise that varies.
+- Fits of five series beside those of statsmodels, or of dense matrices where it has no such model;
+  without it, as `pip install --group peers` has it, they are left out.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -24,6 +26,7 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import diags_array
 
 import toeplitz_mg as tmg
+from comparisons import fits
 from comparisons.harness import report
 from comparisons.harness.inside import GohbergSemencul, levinson_column, schur_column
 from comparisons.harness.measuring import TOLERANCE, iterate, time_call
@@ -319,6 +322,7 @@ TITLES = {
     "gap_gradients": "A gradient with gaps, beside its value",
     "rivals": "CPU seconds of a value of an exponential covariance",
     "noise": "Iterations for A + D",
+    "fits": "Fits of five series",
 }
 FORMATS = {
     "errors": {
@@ -343,6 +347,7 @@ FORMATS = {
         **{"celerite2": ".5f", "statsmodels": ".5f", "difference": ".0e"},
     },
     "noise": {"covariance": "", "n": "d", "spread of log d": "", "default": "d"},
+    "fits": fits.FORMATS,
 }
 
 
@@ -367,6 +372,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         ),
         "rivals": map(time_rivals, rivals),
         "noise": (row for name in TIMED for row in count_with_noise(name, noise)),
+        "fits": fits.compare(),
     }
     for key, rows in tables.items():
         form = partial(report.format_cells, formats=FORMATS[key])

@@ -53,6 +53,7 @@ TABLES = {
     ),
     "likelihood_rivals": Table(*_LIKELIHOOD, "rivals.csv", "gaussian:arrange_rivals"),
     "likelihood_noise": Table(*_LIKELIHOOD, "noise.csv", "gaussian:arrange_noise"),
+    "likelihood_fits": Table(*_LIKELIHOOD, "fits.csv", "fits:arrange"),
     "paper": Table("reproduce.md", "paper", "cells.csv", "paper.tables:arrange"),
     "cases_errors": Table("contact.md", "theory", "errors.csv", "theory.cases:arrange_errors"),
     "cases_products": Table("contact.md", "theory", "costs.csv", "theory.cases:arrange_products"),

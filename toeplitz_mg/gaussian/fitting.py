@@ -4,15 +4,16 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from toeplitz_mg._typing import Array, Rows
+from toeplitz_mg.covariances import Covariance
 from toeplitz_mg.gaussian.labels import Labels
 from toeplitz_mg.gaussian.observed import warn_of_rounding
-from toeplitz_mg.gaussian.scoring import Covariance, Data, Search, Transform, find_dependent
+from toeplitz_mg.gaussian.scoring import Data, Search, Transform, find_dependent
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.szego import LogDeterminant, warn_of_error
 from toeplitz_mg.values import count, numbers, real
@@ -20,7 +21,25 @@ from toeplitz_mg.values import count, numbers, real
 METHODS = "ml", "reml"
 TRENDS = "constant", "linear"
 RANK = 1e-10  # Part of a regressor that others have not, below which it has none of its own.
+ROUNDING = 1e-9  # Negative variances that are zero but for rounding, in units of the variance.
 WIDTH = 78  # Characters of a line of a summary.
+
+
+class Prediction(NamedTuple):
+    """Means and standard deviations of values that are not known, each by itself.
+
+    Attributes
+    ----------
+    mean, std : ndarray, or pandas.Series
+    """
+
+    mean: Any
+    std: Any
+
+    def interval(self, confidence: float = 0.95) -> tuple[Any, Any]:
+        """Return the ends of the intervals that hold each value with this probability."""
+        half = _quantile(confidence) * self.std
+        return self.mean - half, self.mean + half
 
 
 @dataclass(frozen=True)
@@ -170,6 +189,73 @@ class NormalFit:
         ends = zip(low.tolist(), high.tolist(), strict=True)
         return dict(zip(self.params, ends, strict=True))
 
+    def predict(self, steps: int = 0, X: Any = None, *, noise: float | str = 0.0) -> Prediction:
+        """Return the mean of each point given what was observed, and of points that follow.
+
+        Parameters
+        ----------
+        steps : int, optional
+            How many points to forecast after the last one, of a series.
+        X : array_like of shape (steps,) or (steps, k), optional
+            The regressors there.
+        noise : float or str, optional
+            The variance of white noise in the covariance, or the name of this parameter: what is
+            returned is then the curve without noise.
+
+        Returns
+        -------
+        Prediction
+            With `mean`, `std` and `interval(confidence)`, of n + `steps` points, which are Series
+            if `y` was one, with its index going on. Where a value was observed, and without
+            `noise`, it is the mean itself, with a deviation of zero.
+
+        Raises
+        ------
+        ValueError
+            Where the covariance has no such noise, or regressors of the steps are missing.
+
+        Notes
+        -----
+        The deviations contain those of the coefficients of the mean (universal kriging), not those
+        of the parameters of the covariance.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import toeplitz_mg as tmg
+        >>> from toeplitz_mg.covariances import Exponential
+        >>> y = [0.0, 1.5, np.nan, 2.0, 1.0, -0.5]
+        >>> fit = tmg.ToeplitzNormal.fit(y, Exponential(length=2.0).fix("length"), mean=0.0)
+        >>> fit.predict(steps=2).mean.round(3)
+        array([ 0.   ,  1.5  ,  1.552,  2.   ,  1.   , -0.5  , -0.303, -0.184])
+        """
+        y, steps = self._labels.values, count("steps", steps, least=0)
+        if steps and y.ndim > 1:
+            raise ValueError(f"y has {y.ndim} axes, but only a series is forecast")
+        y = np.append(y, np.full(steps, np.nan)) if steps else y
+        if isinstance(noise, str) and noise not in self.params:
+            raise ValueError(f"noise is {noise!r}, but must be one of {', '.join(self.params)}")
+        sigma2 = self.params[noise] if isinstance(noise, str) else real("noise", noise)
+        rows = self._mean.rows(y.shape, X)
+        c = self.covariance(y.shape if y.ndim > 1 else y.shape[0])
+        p, there = len(self.params) - len(rows), ~np.isnan(y).ravel()
+        trend = (np.array([*self.params.values()])[p:] @ rows).reshape(y.shape)
+        given = type(self.process)(c, self._mean.known(y.shape) + trend).conditional(y)
+        known, observed = given.known, rows * there
+        mean, variance = given.mean.ravel(), given.variance.ravel()
+        left = rows - known.estimate(observed) if len(rows) else rows
+        left[:, there] = 0.0
+        if sigma2:
+            solved, _ = known.solve(np.vstack([given.residual.ravel(), observed]))
+            mean, variance = mean - sigma2 * solved[0], variance - sigma2
+            left[:, there] = sigma2 * solved[1:, there]
+            variance[there] += sigma2 * (2.0 - sigma2 * known.inverse_diagonal()[there])
+            if not (sigma2 > 0.0 and variance.min() > -ROUNDING * c.flat[0]):
+                raise ValueError(f"noise is {sigma2:g}, but the covariance has no such white noise")
+        variance = variance + np.einsum("in,ij,jn->n", left, self.params_covariance[p:, p:], left)
+        std = np.sqrt(np.maximum(variance, 0.0))
+        return Prediction(*(self._labels.wrap(x.reshape(y.shape)) for x in (mean, std)))
+
     def summary(self, confidence: float = 0.95) -> str:
         """Return a table of the estimates, as statsmodels prints it."""
         head = (
@@ -199,6 +285,56 @@ class NormalFit:
         lines += [f"{name} is at a bound: it has no standard error." for name in self.at_bounds]
         return "\n".join(lines)
 
+    def plot(
+        self,
+        ax: Any = None,
+        *,
+        steps: int = 0,
+        X: Any = None,
+        noise: float | str = 0.0,
+        confidence: float = 0.95,
+    ) -> Any:
+        """Draw what was observed, and what `predict` returns with its intervals.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default on a new figure.
+        steps, X, noise
+            As for `predict`.
+        confidence : float, optional
+            The probability of the intervals.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        ValueError
+            For fields, and as by `predict`.
+        """
+        try:
+            from matplotlib import pyplot as plt  # It is an extra, and slow to import.
+        except ImportError as error:
+            raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
+        y = self._labels.values
+        if y.ndim > 1:
+            raise ValueError(f"y has {y.ndim} axes, but plot draws a series")
+        found = self.predict(steps, X, noise=noise)
+        ax = plt.subplots(layout="compressed")[1] if ax is None else ax
+        index = self._labels.index(steps)
+        index = index.to_timestamp() if hasattr(index, "to_timestamp") else index
+        label = f"{confidence:.0%} interval"
+        ax.fill_between(index, *found.interval(confidence), alpha=0.3, label=label)
+        ax.plot(index, found.mean, linewidth=1.0, label="mean")
+        ax.plot(index[: len(y)], y, "k.", markersize=3.0, label="observed")
+        ax.set_ylabel(self._labels.name)
+        ax.legend()
+        return ax
+
 
 def fit_normal(
     kind: Callable[[Array, Array], Any],
@@ -212,7 +348,7 @@ def fit_normal(
     """Return the fit of `ToeplitzNormal.fit`; `kind` is this class."""
     if method not in METHODS:
         raise ValueError(f"method is {method!r}, but must be one of {METHODS}")
-    if not hasattr(covariance, "values_and_gradient"):
+    if not isinstance(covariance, Covariance):
         raise TypeError(
             f"covariance is {covariance!r}, but must be one of "
             "toeplitz_mg.covariances: Custom is for a function of lags"
@@ -222,6 +358,9 @@ def fit_normal(
     if not shape or not prod(shape) or np.isinf(labels.values).any():
         raise ValueError("y must be a series, or a field, of finite numbers, or NaN where missing")
     model = Mean.of(mean, X, shape)
+    names = (*covariance.names, *model.names)
+    if len({*names}) < len(names):
+        raise ValueError(f"the parameters have the names {names}, but each must have its own")
     data, R, start = _arrange(labels.values, model, len(covariance.theta))
     search = Search(data, covariance, method == "reml", count("maxiter", maxiter))
     best, p = search.best, len(covariance.theta)
@@ -230,9 +369,6 @@ def fit_normal(
     errors = np.full((len(params), len(params)), np.nan)
     errors[:p, p:] = errors[p:, :p] = 0.0
     errors[p:, p:] = inverse @ inverse.T
-    names = (*covariance.names, *model.names)
-    if len({*names}) < len(names):
-        raise ValueError(f"the parameters have the names {names}, but each must have its own")
     at_bounds = tuple(np.asarray(covariance.names, dtype=object)[search.flat])
     inside, is_known = np.ix_(*2 * [np.flatnonzero(~search.flat)]), True
     if inside[0].size:

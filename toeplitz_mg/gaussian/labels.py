@@ -1,5 +1,6 @@
 """The numbers of a series with gaps, and its index if it is one of pandas."""
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,10 +59,18 @@ class Labels:
         import pandas as pd  # It is there, as y is one of its series.
 
         if isinstance(index, pd.DatetimeIndex):
-            freq = index.freq or pd.infer_freq(index)
-            return index.append(pd.date_range(index[-1], periods=steps + 1, freq=freq)[1:])
+            times = pd.date_range(index[-1], periods=steps + 1, freq=_frequency(index))
+            return index.append(times[1:])
         step = 1 if isinstance(index, pd.PeriodIndex) else index[-1] - index[-2]
         return index.append(pd.Index([index[-1] + (k + 1) * step for k in range(steps)]))
+
+
+def _frequency(index: Any) -> Any:
+    """Return the frequency of times, or None where their steps are not equal."""
+    import pandas as pd
+
+    with warnings.catch_warnings(action="ignore"):  # Of its type in pandas 4.
+        return index.freq or pd.infer_freq(index)
 
 
 def _check_index(index: Any) -> None:
@@ -71,7 +80,7 @@ def _check_index(index: Any) -> None:
     if len(index) < 3:
         return
     if isinstance(index, pd.DatetimeIndex):
-        is_regular = index.freq is not None or pd.infer_freq(index) is not None
+        is_regular = _frequency(index) is not None
     else:
         ticks = index.asi8 if isinstance(index, pd.PeriodIndex) else index.to_numpy()
         if ticks.dtype.kind not in "iufm":

@@ -4,16 +4,16 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtri
 
 from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.columns.schur import schur_column, whiten_rows
+from toeplitz_mg.covariances import Covariance
 from toeplitz_mg.gaussian.elsewhere import ArrayNormal
-from toeplitz_mg.gaussian.fitting import NormalFit, fit_normal
+from toeplitz_mg.gaussian.fitting import NormalFit, Prediction, fit_normal
 from toeplitz_mg.gaussian.observed import (
     INEXACT,
     LOST,
@@ -27,11 +27,10 @@ from toeplitz_mg.gaussian.observed import (
     warn_of_rounding,
 )
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
-from toeplitz_mg.gaussian.scoring import Covariance
 from toeplitz_mg.gaussian.stochastic import estimate_logdet
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.szego import warn_of_error
-from toeplitz_mg.values import count, generator, is_foreign, numbers, real, refuse_masked
+from toeplitz_mg.values import count, generator, is_foreign, numbers, refuse_masked
 
 SHOWN = 5  # Positions that an error names.
 DRAWS = 256  # Draws of which the variances are taken where so many points are missing.
@@ -143,7 +142,7 @@ class ToeplitzNormal:
         ----------
         y : array_like of shape (n,) or (n1, n2, ...), masked array, or pandas.Series
             One series, or field. What is missing is NaN, or masked.
-        covariance : object
+        covariance : Covariance
             One of `toeplitz_mg.covariances`, whose values are the start.
         mean : {"constant", "linear"} or array_like, optional
             What is estimated of the mean beside X, or the mean if it is known.
@@ -501,7 +500,7 @@ class ToeplitzNormal:
             mask = np.ones(self.shape, dtype=bool)
         return Conditional(self, observe(self._whole, mask, self.noise), mask, residual)
 
-    def forecast(self, y: ArrayLike, steps: int) -> "Prediction":
+    def forecast(self, y: ArrayLike, steps: int) -> Prediction:
         """Return the means and standard deviations of the next numbers of a series.
 
         Parameters
@@ -539,7 +538,7 @@ class ToeplitzNormal:
         given = process.conditional(np.append(past, np.full(steps, np.nan)))
         return Prediction(given.mean[-steps:], given.std[-steps:])
 
-    def leave_one_out(self, y: ArrayLike, observed: ArrayLike | None = None) -> "Prediction":
+    def leave_one_out(self, y: ArrayLike, observed: ArrayLike | None = None) -> Prediction:
         """Predict each value from all others that are observed.
 
         Parameters
@@ -668,25 +667,6 @@ class ToeplitzNormal:
         warn_of_rounding(self.A.norm_bound, X, squares, stacklevel=4)
         value = -0.5 * (squares + constant)
         return value.reshape(residual.shape[: residual.ndim - len(self.shape)]), X, known
-
-
-class Prediction(NamedTuple):
-    """Means and standard deviations of values that are not known, each by itself.
-
-    Attributes
-    ----------
-    mean, std : ndarray
-    """
-
-    mean: Array
-    std: Array
-
-    def interval(self, confidence: float = 0.95) -> tuple[Array, Array]:
-        """Return the ends of the intervals that hold each value with this probability."""
-        if not 0.0 < real("confidence", confidence) < 1.0:
-            raise ValueError(f"confidence is {confidence}, but must be between 0 and 1")
-        half = ndtri(0.5 + 0.5 * confidence) * self.std
-        return self.mean - half, self.mean + half
 
 
 @dataclass(frozen=True, repr=False)

@@ -3,19 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.special import expit
 
 from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg.covariances import Covariance
 from toeplitz_mg.gaussian.information import (
     approximate_information,
     covariance_information,
     information_of_contrasts,
 )
-from toeplitz_mg.gaussian.observed import Observed, Whole, observe
+from toeplitz_mg.gaussian.observed import MOST, Observed, Whole, largest_dense, observe
 from toeplitz_mg.operators import ToeplitzOperator
 
 PRECISE = 1e-8  # Squared length of a step, in standard errors, at which the search ends.
@@ -24,20 +25,6 @@ FLAT = 1e-8  # Information on a transformed parameter that has come to its bound
 SINGULAR = 1e-9  # Least eigenvalue of the correlations of scores that can be told apart.
 LONGEST = 8.0  # Largest step of a search, in the logarithm of a parameter.
 MOST_REFUSED = 8  # Steps in turn that do not increase the likelihood: it is known no better.
-
-
-class Covariance(Protocol):
-    """What a fit needs of a covariance (`toeplitz_mg.covariances`)."""
-
-    names: Any
-    theta: Any
-    bounds: Any
-
-    def with_theta(self, theta: Any) -> Any:
-        """Return the same covariance with other values of the free parameters."""
-
-    def values_and_gradient(self, shape: Any) -> tuple[Array, Array]:
-        """Return the covariances by lags, and their derivatives by each parameter."""
 
 
 @dataclass(frozen=True)
@@ -73,15 +60,8 @@ class Transform:
 
     @classmethod
     def of(cls, covariance: Covariance) -> "Transform":
-        """Return that of the free parameters of a covariance; refuse what is not inside bounds."""
-        theta, bounds = np.asarray(covariance.theta), np.asarray(covariance.bounds)
-        low, high = bounds.reshape(-1, 2).T
-        for name, value, least, most in zip(covariance.names, theta, low, high, strict=True):
-            if not least < value < most:
-                raise ValueError(
-                    f"{name} starts at {value}, but must be between its bounds {least} and {most}"
-                )
-        return cls(bounds, np.maximum(np.abs(theta), 1.0))
+        """Return that of the free parameters of a covariance."""
+        return cls(covariance.bounds, np.maximum(np.abs(covariance.theta), 1.0))
 
     def forward(self, theta: Array) -> Array:
         """Return the transformed parameters."""
@@ -130,7 +110,8 @@ class Point:
             raise np.linalg.LinAlgError("the covariance is not finite")
         if not self.c.flat[0] > 0.0:
             raise np.linalg.LinAlgError(f"the variance is {self.c.flat[0]:g}, but must be positive")
-        return observe(Whole(ToeplitzOperator(self.c)), self.data.mask)
+        dense = max(MOST, int(largest_dense() / (len(self.derivatives) + 2) ** 0.5))
+        return observe(Whole(ToeplitzOperator(self.c)), self.data.mask, dense=dense)
 
     @cached_property
     def _solved(self) -> Rows:
@@ -215,15 +196,15 @@ class Search:
         self.u = np.empty(0)
         self.flat, self.iterations, self.converged = np.empty(0, dtype=bool), 0, True
         self._transform = Transform.of(covariance)
-        if len(theta := np.asarray(covariance.theta, dtype=np.float64)):
-            self._run(theta, maxiter)
+        if len(covariance.theta):
+            self._run(covariance.theta, maxiter)
 
     def point(self, theta: Array) -> Point:
         """Return the likelihood of these parameters."""
         shape = self.data.mask.shape
         covariance = self.covariance.with_theta(theta)
         c, derivatives = covariance.values_and_gradient(shape if len(shape) > 1 else shape[0])
-        return Point(self.data, self.restricted, np.asarray(c), np.asarray(derivatives))
+        return Point(self.data, self.restricted, c, derivatives)
 
     @cached_property
     def theta(self) -> Array:
