@@ -44,7 +44,9 @@ def test_the_citation_is_valid():
     assert f"license: {SETTINGS['project']['license']}\n" in CITATION
 
 
-@pytest.mark.parametrize("group", ["lint", "docs", "peers", "benchmarks", "mutants", "release"])
+@pytest.mark.parametrize(
+    "group", ["lint", "typing", "docs", "peers", "benchmarks", "mutants", "release"]
+)
 def test_what_is_for_a_clone_only_is_no_extra(group):
     assert SETTINGS["dependency-groups"][group]
     assert group not in SETTINGS["project"]["optional-dependencies"]

@@ -113,7 +113,7 @@ def check_bound(bound: ArrayLike) -> Array:
     return g
 
 
-def check_friction(mu: ArrayLike, shape: tuple[int, ...]) -> Array:
+def check_friction(mu: Any, shape: tuple[int, ...]) -> Array:
     """Return a coefficient of friction, of all elements or of each; check it."""
     friction = field("mu", in_order("mu", mu), "")
     if (friction < 0.0).any():

@@ -14,7 +14,6 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid, keep
@@ -112,7 +111,7 @@ def _examine_elements(grid: Grid, contact: bytes) -> tuple[str, ...]:
     return (*_check_resolution(grid, elements), *_check_coupling(grid))
 
 
-def examine_friction(grid: Grid, mu: ArrayLike | None) -> tuple[str, ...]:
+def examine_friction(grid: Grid, mu: Any) -> tuple[str, ...]:
     """Return the doubt about a coefficient of friction, unless it is infinite where bodies bond."""
     finite = np.atleast_1d(0.0 if mu is None else mu)
     largest = max(grid.vectors.gather(float(finite.max(initial=0.0, where=finite < np.inf))))

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +10,7 @@ from scipy.special import elliprd, elliprf
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results.base import Described, Figure, Summary
 from toeplitz_mg.contact.results.quantities import units_of
-from toeplitz_mg.halfspace.materials import combine
+from toeplitz_mg.halfspace.materials import Bodies, combine
 from toeplitz_mg.values import field, fields, finite, in_range, positive
 
 FLATTEST = 1e4  # Ratio of two radii of curvature up to which the equation of the axes is solved.
@@ -108,7 +107,7 @@ class HertzContact(Described):
 def hertz(
     *,
     radii: ArrayLike,
-    material: Any,
+    material: Bodies,
     force: float | None = None,
     approach: float | None = None,
     reference: float | None = None,

@@ -4,12 +4,12 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Mask, Rows
+from toeplitz_mg._typing import Array, Mask, Rows, Series
 from toeplitz_mg.columns.schur import schur_column, whiten_rows
 from toeplitz_mg.covariances import Covariance
 from toeplitz_mg.gaussian.elsewhere import ArrayNormal
@@ -231,6 +231,10 @@ class ToeplitzNormal:
             raise ValueError(f"c has {what}, but the error is estimated for one axis without noise")
         return self._whole.log_determinant.error
 
+    @overload
+    def logpdf(self, y: Series, observed: ArrayLike | None = ...) -> float: ...
+    @overload
+    def logpdf(self, y: ArrayLike, observed: ArrayLike | None = ...) -> Any: ...
     def logpdf(self, y: ArrayLike, observed: ArrayLike | None = None) -> Any:
         """Return the logarithm of the probability density.
 

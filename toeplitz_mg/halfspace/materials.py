@@ -1,5 +1,6 @@
 """Elastic constants of a body, and of two in contact."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, Self
@@ -168,6 +169,10 @@ class CombinedMaterial:
     def E_star(self) -> float:
         """Modulus of the normal contact of both, N/mm²."""
         return self.G / (1.0 - self.nu)
+
+
+# What a user gives for the bodies: one material for both, that of each, or combined before.
+Bodies = Material | CombinedMaterial | Sequence[Material]
 
 
 def combined_material(first: Material, second: Material) -> CombinedMaterial:

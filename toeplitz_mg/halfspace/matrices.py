@@ -1,7 +1,5 @@
 """The matrix of a grid of elements, from its shape, their size and the two materials."""
 
-from typing import Any
-
 import numpy as np
 
 from toeplitz_mg._typing import Array
@@ -11,7 +9,7 @@ from toeplitz_mg.halfspace.influence import (
     line_contact_coefficients,
     offsets,
 )
-from toeplitz_mg.halfspace.materials import CombinedMaterial, combine
+from toeplitz_mg.halfspace.materials import Bodies, CombinedMaterial, combine
 from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.coefficients import Coefficients
 from toeplitz_mg.values import count, positive, refuse_masked
@@ -23,7 +21,7 @@ def influence_matrix(
     directions: str,
     grid_shape: tuple[int, ...],
     element: tuple[float, ...],
-    material: Any,
+    material: Bodies,
     *,
     reference: float | None = None,
     ahead: int = 0,
@@ -137,7 +135,7 @@ def coupling_matrices(
     directions: str,
     grid_shape: tuple[int, ...],
     element: tuple[float, ...],
-    material: Any,
+    material: Bodies,
     *,
     ahead: int = 0,
 ) -> tuple[ToeplitzOperator | None, ...]:

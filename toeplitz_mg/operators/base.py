@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import wraps
 from math import prod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -272,6 +272,13 @@ class MatrixOperator(GridOperator):
         """Return the matrix as a dense array of shape (N, N), without any transform."""
         index = np.arange(self.shape[0])
         return self.entries(index, index)
+
+    if TYPE_CHECKING:  # SciPy says nothing of its types, and `algebra` makes these.
+
+        def __mul__(self, x: complex) -> "MatrixOperator": ...
+        def __rmul__(self, x: complex) -> "MatrixOperator": ...
+        def __truediv__(self, x: complex) -> "MatrixOperator": ...
+        def __neg__(self) -> "MatrixOperator": ...
 
     trace = algebra.trace
     __getitem__ = algebra.take

@@ -11,10 +11,11 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from toeplitz_mg import contact
-from toeplitz_mg._typing import Array, Element
+from toeplitz_mg._typing import Array, Element, Numbers
 from toeplitz_mg.contact.checks import check_pressed, read_bound, require_pressed
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
+from toeplitz_mg.halfspace.materials import Bodies
 from toeplitz_mg.slabs.grid import SlabGrid
 from toeplitz_mg.slabs.messages import SharedProgress
 from toeplitz_mg.slabs.slab import Slab, require_slab
@@ -52,7 +53,7 @@ toeplitz_mg.contact.{name} : on one machine. What it raises on one rank it does 
 
 
 def normal_contact(
-    gap: ArrayLike, slab: Slab, element: Element, *, material: Any, **arguments: Any
+    gap: ArrayLike, slab: Slab, element: Element, *, material: Bodies, **arguments: Any
 ) -> NormalResult:
     """Press two bodies together (see `contact.normal_contact`).
 
@@ -163,10 +164,10 @@ def _with_friction(function: Callable[..., Any], gives: str, *names: str) -> Cal
         pressed: NormalResult | None = None,
         slab: Any = None,
         *,
-        mu: ArrayLike | None = None,
-        bound: ArrayLike | None = None,
+        mu: Numbers | None = None,
+        bound: Numbers | None = None,
         element: Element | None = None,
-        material: Any = None,
+        material: Bodies | None = None,
         **arguments: Any,
     ) -> Any:
         bodies = pressed, bound, mu

@@ -36,6 +36,7 @@ from toeplitz_mg.contact.results import NormalResult, check_converged
 from toeplitz_mg.contact.results.base import touches_edge
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.halfspace.materials import Bodies
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.values import field, refuse_masked
@@ -50,7 +51,7 @@ def normal_contact(
     gap: ArrayLike | None = None,
     element: Element | None = None,
     *,
-    material: Any,
+    material: Bodies,
     heights: Any = None,
     unit: Unit | None = None,
     approach: float | None = None,
@@ -347,7 +348,7 @@ def load_curve(
     gap: ArrayLike | None = None,
     element: Element | None = None,
     *,
-    material: Any,
+    material: Bodies,
     heights: Any = None,
     unit: Unit | None = None,
     forces: ArrayLike | None = None,

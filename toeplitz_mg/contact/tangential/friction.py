@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Element, Progress
+from toeplitz_mg._typing import Array, Element, Numbers, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
     check_force,
@@ -39,6 +39,7 @@ from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.contact.tangential.solving import solve_shifted
 from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.halfspace.materials import Bodies
 from toeplitz_mg.values import in_unit, refuse_masked
 
 
@@ -46,9 +47,9 @@ def friction(
     pressed: NormalResult | None = None,
     element: Element | None = None,
     *,
-    mu: ArrayLike | None = None,
-    bound: ArrayLike | None = None,
-    material: Any = None,
+    mu: Numbers | None = None,
+    bound: Numbers | None = None,
+    material: Bodies | None = None,
     shift: ArrayLike | None = None,
     force: ArrayLike | None = None,
     previous: TangentialResult | None = None,

@@ -15,7 +15,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Element, Progress
+from toeplitz_mg._typing import Array, Element, Numbers, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, check_previous, check_rolled, is_lateral
 from toeplitz_mg.contact.grid import Grid
@@ -28,6 +28,7 @@ from toeplitz_mg.contact.tangential.rolling import make_rolling_result
 from toeplitz_mg.contact.tangential.solving import solve_shifted
 from toeplitz_mg.contact.window import MARGIN
 from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.halfspace.materials import Bodies
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count, in_unit
 
@@ -36,9 +37,9 @@ def rolling_steps(
     pressed: NormalResult | None = None,
     element: Element | None = None,
     *,
-    mu: ArrayLike | None = None,
-    bound: ArrayLike | None = None,
-    material: Any = None,
+    mu: Numbers | None = None,
+    bound: Numbers | None = None,
+    material: Bodies | None = None,
     longitudinal: float = 0.0,
     lateral: float = 0.0,
     spin: float = 0.0,

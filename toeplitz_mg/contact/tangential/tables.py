@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Element
+from toeplitz_mg._typing import Array, Element, Numbers
 from toeplitz_mg.contact import doubts, surfaces
 from toeplitz_mg.contact.grid import DENSE, Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, files, pictures
@@ -22,7 +22,7 @@ from toeplitz_mg.contact.results.base import (
 from toeplitz_mg.contact.results.quantities import Quantity, name_units
 from toeplitz_mg.contact.tangential.motion import CREEPAGES
 from toeplitz_mg.contact.tangential.rolling import Rolled, roll, rolling
-from toeplitz_mg.halfspace.materials import Material, check_ratio
+from toeplitz_mg.halfspace.materials import Bodies, Material, check_ratio
 from toeplitz_mg.values import count, field, positive
 
 ELEMENTS = 64  # Across Kalker's contact: with those of half as many, errors are some 0.3 %.
@@ -127,9 +127,9 @@ def creep_curve(
     pressed: NormalResult | None = None,
     element: Element | None = None,
     *,
-    mu: ArrayLike | None = None,
-    bound: ArrayLike | None = None,
-    material: Any = None,
+    mu: Numbers | None = None,
+    bound: Numbers | None = None,
+    material: Bodies | None = None,
     longitudinal: ArrayLike = 0.0,
     lateral: ArrayLike = 0.0,
     spin: ArrayLike = 0.0,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from toeplitz_mg._typing import Array, Element, Progress, Unit
+from toeplitz_mg._typing import Array, Element, Numbers, Progress, Unit
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import (
     bound_of,
@@ -44,6 +44,7 @@ from toeplitz_mg.contact.unlike.alternation import (
     alternate,
 )
 from toeplitz_mg.engine.work import count_products
+from toeplitz_mg.halfspace.materials import Bodies
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count, in_unit, refuse_masked
 
@@ -56,8 +57,8 @@ def frictional_contact(
     gap: ArrayLike | None = None,
     element: Element | None = None,
     *,
-    material: Any,
-    mu: ArrayLike,
+    material: Bodies,
+    mu: Numbers,
     heights: Any = None,
     unit: Unit | None = None,
     approach: float | None = None,
@@ -221,8 +222,8 @@ def frictional_rolling(
     gap: ArrayLike | None = None,
     element: Element | None = None,
     *,
-    material: Any,
-    mu: ArrayLike,
+    material: Bodies,
+    mu: Numbers,
     heights: Any = None,
     unit: Unit | None = None,
     approach: float | None = None,
