@@ -350,7 +350,7 @@ def fit_normal(
         raise ValueError(f"method is {method!r}, but must be one of {METHODS}")
     if not isinstance(covariance, Covariance):
         raise TypeError(
-            f"covariance is {covariance!r}, but must be one of "
+            f"covariance is of the type {type(covariance).__name__}, but must be one of "
             "toeplitz_mg.covariances: Custom is for a function of lags"
         )
     labels = Labels.of(y)
