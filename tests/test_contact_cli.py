@@ -356,7 +356,7 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
     np.savetxt(path, np.stack([x**1.1, np.zeros(100)], axis=1))
     assert_refused(run("rough", str(path), *options), "positions that are not evenly", capsys)
     assert run("rough", str(path), *options, "--element", "25") == 0  # It is interpolated.
-    assert "158 heights of a profile" in capsys.readouterr().out
+    assert "217 heights of a profile" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

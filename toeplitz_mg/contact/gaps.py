@@ -95,9 +95,8 @@ def read_surface(
         )
     if isinstance(gap, Heights) or _is_topography(gap):
         raise TypeError(f"gap is a {type(gap).__name__}, which has heights: give it as heights")
-    name, given = "gap" if heights is None else "heights", heights
-    if heights is None:
-        given = gap
+    name = "gap" if heights is None else "heights"
+    given: Any = gap if heights is None else heights
     if isinstance(given, Heights):
         given, element, periodic = _ask_heights(given, element, unit, periodic)
         unit = None
@@ -131,12 +130,10 @@ def _ask_heights(given: Heights, element: Any, unit: Any, periodic: Any) -> tupl
     """Return what a file says of its heights, and what was given beside it."""
     for name, value in (("element", element), ("unit", unit)):
         if value is not None and (name == "unit" or given.element is not None):
-            theirs = f"{given.element} mm" if name == "element" else "mm"
-            raise ValueError(
-                f"{name} is {value!r}, but heights has its own, {theirs}: leave it out"
-            )
-    own = given.element if element is None else element
-    return given.heights, own, given.periodic if periodic is None else periodic
+            own = f"{given.element} mm" if name == "element" else "mm"
+            raise ValueError(f"{name} is {value!r}, but heights has its own, {own}: leave it out")
+    element = given.element if element is None else element
+    return given.heights, element, given.periodic if periodic is None else periodic
 
 
 def has_axes(values: Any) -> bool:

@@ -131,21 +131,22 @@ def wheel_rail(
     if not 0.0 <= weight < np.inf:
         raise ValueError(f"smoothing is {smoothing}, but must be at least zero, and finite")
     own, top = _read("wheel", wheel), _read("rail", rail)
-    tread = _run("wheel", own)
-    if not tread[0, 0] <= 0.0 <= tread[-1, 0]:
+    tread = _curve("wheel", own, weight)
+    if not tread.low <= 0.0 <= tread.high:
         raise ValueError("the profile wheel has no y = 0, where its radius is given")
-    tape = float(_spline("wheel", tread, weight)(0.0))
+    tape = float(tread.z(0.0))
     turned = _turn(turn)
     low = own @ turned + (moved, 0.0)
-    f, g = (_spline(name, _run(name, p), weight) for name, p in (("wheel", low), ("rail", top)))
-    y = _touch(f, g, *(_run(name, p)[[0, -1], 0] for name, p in (("wheel", low), ("rail", top))))
-    z, angle = float(f(y)), float(np.arctan(g(y, 1)))
+    f, g = _curve("wheel", low, weight), _curve("rail", top, weight)
+    y = _touch(f, g)
+    z, angle = float(f.z(y)), float(np.arctan(g.z(y, 1)))
     # In the frame of the contact both profiles go through zero, level.
     level, across, local = _turn(-angle), grid.centres()[1], []
-    for name, points, at in (("wheel", low, z), ("rail", top, float(g(y)))):
-        run = _run(name, (points - (y, at)) @ level)
-        inside = (across >= run[0, 0]) & (across <= run[-1, 0])
-        local.append(np.where(inside, _spline(name, run, weight)(across), np.nan))
+    point = y, float(g.z(y))
+    for name, points, at in (("wheel", low, z), ("rail", top, point[1])):
+        curve = _curve(name, (points - (y, at)) @ level, weight)
+        inside = (across >= curve.low) & (across <= curve.high)
+        local.append(np.where(inside, curve.z(across), np.nan))
     # The rolling radius is less where the wheel's own profile is higher.
     places = np.stack([np.append(across, 0.0), np.append(local[0], 0.0)], axis=1) @ level.T
     own_places = (np.array([y - moved, z]) + places) @ turned.T
@@ -156,7 +157,7 @@ def wheel_rail(
         raise ValueError(f"the grid reaches {np.abs(x).max():g} mm along x, beyond the wheel")
     gap = local[0] - local[1] + np.cos(angle - turn) * (r - np.sqrt(r**2 - x**2))
     gap = np.where(np.isfinite(gap), gap, np.inf)
-    return WheelRail(gap, angle, (y, float(g(y))), rolling)
+    return WheelRail(gap, angle, point, rolling)
 
 
 def _turn(angle: float) -> Array:
@@ -165,48 +166,48 @@ def _turn(angle: float) -> Array:
     return np.array([[c, s], [-s, c]])
 
 
-def _touch(f: Any, g: Any, *ends: Array) -> float:
+class _Curve(NamedTuple):
+    """A profile as z over y, from a lowest y to a highest."""
+
+    low: float
+    high: float
+    z: Any
+
+
+def _curve(name: str, points: Array, weight: float) -> _Curve:
+    """Return the spline through the longest part of a profile along which y increases."""
+    from scipy.interpolate import CubicSpline, make_smoothing_spline  # They are slow to import.
+
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(points[:, 0])))) + 1
+    ends = [0, *turns.tolist(), len(points) - 1]
+    parts = [points[a : b + 1] for a, b in pairwise(ends)]
+    part = max(parts, key=lambda part: float(np.ptp(part[:, 0])))
+    y, z = (part if part[0, 0] < part[-1, 0] else part[::-1]).T
+    if len(y) < (least := 4 + (weight > 0.0)):
+        raise ValueError(f"the profile {name} has {len(y)} points in order, but needs {least}")
+    spline = make_smoothing_spline(y, z, lam=weight) if weight > 0.0 else CubicSpline(y, z)
+    return _Curve(float(y[0]), float(y[-1]), spline)
+
+
+def _touch(f: _Curve, g: _Curve) -> float:
     """Return where across the track two profiles are nearest to each other."""
     from scipy.optimize import minimize_scalar  # It is slow to import.
 
-    low, high = max(y for y, _ in ends), min(y for _, y in ends)
+    low, high = max(f.low, g.low), min(f.high, g.high)
     if not low < high:
         raise ValueError("the profiles of wheel and rail have no y in common: see lateral")
+
+    def apart(y: Any) -> Any:
+        return f.z(y) - g.z(y)
+
     y = np.linspace(low, high, SAMPLES)
-    k = int(np.argmin(f(y) - g(y)))
+    k = int(np.argmin(apart(y)))
     if k in (0, SAMPLES - 1):
         raise ValueError(
             f"wheel and rail touch where a profile ends, at y = {y[k]:.4g} mm: see lateral and roll"
         )
-    bounds = y[k - 1], y[k + 1]
-    return float(
-        minimize_scalar(
-            lambda y: float(f(y) - g(y)), bounds=bounds, method="bounded", options={"xatol": 1e-10}
-        ).x
-    )
-
-
-def _run(name: str, points: Array) -> Array:
-    """Return the longest part of a profile along which y increases, of points with y apart."""
-    y = points[:, 0]
-    up = np.sign(np.diff(y))
-    ends = [0, *(np.flatnonzero(np.diff(up)) + 1).tolist(), len(y) - 1]
-    parts = [points[a : b + 1] for a, b in pairwise(ends)]
-    part = max(parts, key=lambda p: float(np.ptp(p[:, 0])))
-    part = part if part[0, 0] < part[-1, 0] else part[::-1]
-    if len(part) < 4:
-        raise ValueError(f"the profile {name} has {len(part)} points in order, but needs 4")
-    return part
-
-
-def _spline(name: str, points: Array, weight: float) -> Any:
-    """Return z over y of a profile."""
-    y, z = points.T
-    if weight > 0.0 and len(y) < 5:
-        raise ValueError(f"the profile {name} has {len(y)} points, but smoothing needs 5")
-    from scipy.interpolate import CubicSpline, make_smoothing_spline  # They are slow to import.
-
-    return make_smoothing_spline(y, z, lam=weight) if weight > 0.0 else CubicSpline(y, z)
+    near = y[k - 1], y[k + 1]
+    return float(minimize_scalar(apart, bounds=near, method="bounded", options={"xatol": 1e-10}).x)
 
 
 def _read(name: str, profile: Any) -> Array:

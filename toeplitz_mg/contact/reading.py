@@ -112,12 +112,12 @@ def read(
         raise ValueError(f"channel is {channel!r}, but {path} is a table of heights alone")
     if level is not None:
         heights = subtract(heights, LEVELS.index(level))
-    own: tuple[float, ...] | None = None
+    pixel = None
     if element is not None:
         is_square = np.size(element) == 1 and heights.ndim == 2
         sizes = read_sizes(heights.shape[:1] if is_square else heights.shape, element)
-        own = tuple(scale[1] * h for h in sizes * (1 + is_square))
-    return Heights(scale[0] * heights, own, periodic)
+        pixel = tuple(scale[1] * h for h in sizes * (1 + is_square))
+    return Heights(scale[0] * heights, pixel, periodic)
 
 
 def _says_sizes(path: Path) -> bool:
