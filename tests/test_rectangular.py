@@ -168,6 +168,14 @@ def test_least_squares_are_those_of_a_dense_solve(name, damp):
     assert_allclose(X[:, 1], 2 * x, rtol=0, atol=bound)
 
 
+@pytest.mark.parametrize(("of_A", "of_b"), [(1e-200, 1e-220), (1e200, 1e180), (1.0, 1e-290)])
+def test_least_squares_of_any_size(of_A, of_b):
+    c, r, b = np.array([2.0, 1.0, 0.5, 0.0, 0.0]), np.array([2.0, 0.0, 0.0]), seeded(5)
+    expected = tmg.toeplitz_lstsq((c, r), b, 0.1)
+    x = tmg.toeplitz_lstsq((of_A * c, of_A * r), of_b * b, 0.1 * of_A)
+    assert_allclose(x / (of_b / of_A), expected, rtol=1e-9)
+
+
 def test_lsqr_with_a_right_preconditioner_solves_the_damped_problem():
     A, b = problem("image")
     M = tmg.cosine_preconditioner(A.H @ A + 0.01 * eye_array(A.shape[1]))

@@ -10,6 +10,7 @@ from scipy.linalg import LinAlgWarning
 from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.conjugate_gradients import SAFE_SIZES
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
@@ -133,7 +134,7 @@ def toeplitz_lstsq(
             "RectangularToeplitz or (c, r); for others use scipy.sparse.linalg.lsqr"
         )
     require_numpy(A, "toeplitz_lstsq")
-    shift, tolerance = finite("damp", damp) ** 2, positive("rtol", rtol)
+    damp, tolerance = finite("damp", damp), positive("rtol", rtol)
     if damp < 0.0:
         raise ValueError(f"damp is {damp}, but must not be negative")
     if maxiter is not None:
@@ -144,8 +145,12 @@ def toeplitz_lstsq(
     if not np.isfinite(B).all():
         raise ValueError("b has entries that are not finite, but all must be")
     dtype = np.result_type(A.dtype, B, np.float32)
-    normal = _NormalEquations(A.astype(np.result_type(A.dtype, np.float64)), shift, M, maxiter)
-    columns = B.reshape(len(B), -1).T.astype(np.result_type(B, np.float64))
+    A = A.astype(np.result_type(A.dtype, np.float64))
+    of_A, of_b = _size(A.lags), _size(B)
+    if M is not None or SAFE_SIZES[0] < of_A < SAFE_SIZES[1]:
+        of_A = 1.0
+    normal = _NormalEquations(A / of_A, (damp / of_A) ** 2, M, maxiter)
+    columns = B.reshape(len(B), -1).T.astype(np.result_type(B, np.float64)) / of_b
     found = [normal.solve(column, tolerance) for column in columns]
     info = LeastSquaresInfo(
         normal.method, *map(max, zip(*(rest for _, rest in found), strict=True))
@@ -157,9 +162,16 @@ def toeplitz_lstsq(
             LinAlgWarning,
             stacklevel=2,
         )
-    X = np.stack([x for x, _ in found], axis=1).astype(dtype)
+    # The numbers are powers of two, so that no digit changes.
+    X = (np.stack([x for x, _ in found], axis=1) * (of_b / of_A)).astype(dtype)
+    info = info._replace(residual=info.residual * of_b)
     x = X if B.ndim == 2 else X[:, 0]
     return (x, info) if full_output else x
+
+
+def _size(a: Array) -> float:
+    """Return the power of two above the largest size of some numbers, 1 where all are zero."""
+    return float(np.ldexp(1.0, int(np.frexp(np.abs(a).max(initial=0.0))[1])))
 
 
 class _NormalEquations:
