@@ -1,11 +1,12 @@
 """`toeplitz_mg.solve_toeplitz` against the faster of two rivals, at every size.
 
-The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand on `scipy.fft`, CG with
-T. Chan's circulant. CPU time on one thread, set-ups and the check of our residual included; the
-contenders in turns, whose order is drawn, in one process, a fresh one for each symbol and decade;
-low quantiles, of fewer turns for one that takes long. ``--symbols``, ``--sizes``, ``--columns`` and
-``--digits``, of the residual, choose others. ``--channels`` compares `solve_block_toeplitz` for
-autoregressions of so many channels with a dense Cholesky factor.
+The rivals: `scipy.linalg.solve_toeplitz`, and what one writes by hand, CG with T. Chan's circulant,
+on `mkl_fft` where that can be imported, else on `scipy.fft`. CPU time on one thread, set-ups and
+the check of our residual included; the contenders in turns, whose order is drawn, in one process, a
+fresh one for each symbol and decade; low quantiles, of fewer turns for one that takes long.
+``--symbols``, ``--sizes``, ``--columns`` and ``--digits``, of the residual, choose others.
+``--channels`` compares `solve_block_toeplitz` for autoregressions of so many channels with a dense
+Cholesky factor.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,8 +17,8 @@ from random import Random
 from time import process_time
 
 import numpy as np
-import scipy.fft
 import scipy.linalg
+from scipy.fft import next_fast_len
 from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
@@ -25,6 +26,7 @@ from comparisons.harness import report
 from comparisons.harness.measuring import time_call
 from comparisons.harness.processes import in_a_fresh_process, prepare
 from comparisons.harness.report import Row
+from comparisons.machines.transforms import fastest
 from comparisons.systems import symbols
 from toeplitz_mg._typing import Array
 
@@ -49,17 +51,17 @@ FORMATS |= {"residual": ".0e"}
 
 
 def solve_by_hand(c: Array, b: Array, rtol: float) -> Array:
-    """Solve by SciPy's CG with T. Chan's circulant, all written on `scipy.fft`."""
+    """Solve by SciPy's CG with T. Chan's circulant, all written on the fastest transforms."""
     n = len(c)
-    k, length = np.arange(n), scipy.fft.next_fast_len(2 * n - 1, real=True)
-    symbol = scipy.fft.rfft(np.concatenate([c, np.zeros(length - 2 * n + 1), c[:0:-1]])).real
-    eigenvalues = scipy.fft.rfft(((n - k) * c + k * np.r_[0.0, c[:0:-1]]) / n).real
+    k, length = np.arange(n), next_fast_len(2 * n - 1, real=True)
+    symbol = fastest.rfft(np.concatenate([c, np.zeros(length - 2 * n + 1), c[:0:-1]])).real
+    eigenvalues = fastest.rfft(((n - k) * c + k * np.r_[0.0, c[:0:-1]]) / n).real
 
     def multiply(x: Array) -> Array:
-        return scipy.fft.irfft(symbol * scipy.fft.rfft(x, length), length)[:n]
+        return fastest.irfft(symbol * fastest.rfft(x, length), length)[:n]
 
     def precondition(x: Array) -> Array:
-        return scipy.fft.irfft(scipy.fft.rfft(x) / eigenvalues, n)
+        return fastest.irfft(fastest.rfft(x) / eigenvalues, n)
 
     A, M = (LinearOperator((n, n), f, dtype=float) for f in (multiply, precondition))
     x, info = cg(A, b, M=M, rtol=rtol, maxiter=2000)

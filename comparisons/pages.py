@@ -38,6 +38,9 @@ _METHODS = "which_method.md", "preconditioners"
 TABLES = {
     "drop_in": Table("benchmarks.md", "drop_in", "drop_in.csv", "drop_in:arrange"),
     "baselines": Table("benchmarks.md", "baselines", "baselines.csv", "baselines:arrange"),
+    "transforms": Table(
+        "benchmarks.md", "machines", "transforms.csv", "machines.transforms:arrange"
+    ),
     "gpu": Table("machines.md", "machines", "gpu.csv", "machines.gpu:arrange"),
     "gpu_areas": Table("machines.md", "machines", "gpu_areas.csv", "machines.gpu:arrange_areas"),
     "gpu_contact": Table(

@@ -5,7 +5,7 @@ import pytest
 from comparisons import baselines, drop_in
 from comparisons.harness import report
 from comparisons.machines import parts as machines
-from comparisons.machines import ranks
+from comparisons.machines import ranks, transforms
 from tests.slabs.ranks import with_ranks
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_processes")]
@@ -87,6 +87,16 @@ def test_a_launcher_that_fails_is_noted(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for launcher, note in (("false", "status 1"), ("no-such-launcher", "No such file")):
         assert note in ranks.measure(launcher, 2, 64, "times")["note"]
+
+
+def test_transforms(tmp_path, capsys):
+    quick = {"transforms": {"shapes": ((300,), (20, 30)), "turns": 2}}
+    run(machines, tmp_path, capsys, "--parts", "transforms", quick=quick)
+    rows = report.read_csv(tmp_path / "transforms.csv")
+    assert [row["grid"] for row in rows if row["transforms"] == "scipy"] == [300, "20 x 30"]
+    assert all(row["of_scipy"] == 1.0 for row in rows if row["transforms"] == "scipy")
+    assert all(min(row["of_hand"], row["of_bare"]) > 0.0 for row in rows)
+    assert [line["grid"] for line in transforms.arrange(rows)] == [300, "20 x 30"]
 
 
 def test_threads(tmp_path, capsys):

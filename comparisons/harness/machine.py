@@ -3,7 +3,7 @@
 import os
 import platform
 from datetime import date
-from importlib.metadata import version
+from importlib.metadata import distributions, version
 from pathlib import Path
 
 CPUINFO = Path("/proc/cpuinfo")  # Linux alone has the name of the processor in a file.
@@ -11,7 +11,8 @@ CPUINFO = Path("/proc/cpuinfo")  # Linux alone has the name of the processor in 
 
 def describe() -> str:
     """Return the date, the processor and the versions, as "2026-01-31: AMD EPYC, 2 cores; …"."""
-    versions = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
+    names = [name for name in ("numpy", "scipy", "mkl", "mkl_fft") if any(distributions(name=name))]
+    versions = ", ".join(f"{name} {version(name)}" for name in names)
     cores = os.cpu_count() or 1
     return (
         f"{date.today()}: {_name_processor()}, {cores} core{'s' * (cores != 1)}; "

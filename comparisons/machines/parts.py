@@ -1,8 +1,9 @@
-r"""What more than one core gains: threads, ranks of MPI, the arrays of a GPU.
+r"""What more than one core gains, and other transforms: threads, ranks of MPI, a GPU, MKL.
 
 ``--parts`` chooses among `threads`, by `scipy.fft.set_workers`; `ranks`, slabs of rows in several
-processes, beside a model; and `gpu`, the arrays of other libraries, with ``--library`` on the
-processor too. On a cluster the launcher is its own, with a rank a node, as
+processes, beside a model; `transforms`, products by MKL, where it is installed; and `gpu`, the
+arrays of other libraries, with ``--library`` on the processor too. On a cluster the launcher is its
+own, with a rank a node, as
 
     python -m comparisons.machines --parts ranks --nodes 1 2 4 8 --side 16384 \
         --launcher "srun --nodes {ranks} --ntasks {ranks} --cpus-per-task 64"
@@ -12,15 +13,21 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from comparisons.harness import report
-from comparisons.machines import gpu, ranks, threads
+from comparisons.machines import gpu, ranks, threads, transforms
 
 Part = Callable[..., None]
-PARTS: dict[str, Part] = {"threads": threads.run, "ranks": ranks.run, "gpu": gpu.run}
+PARTS: dict[str, Part] = {
+    "threads": threads.run,
+    "ranks": ranks.run,
+    "transforms": transforms.run,
+    "gpu": gpu.run,
+}
 USUAL = "threads", "ranks"  # The parts that every machine has.
 RANKS = "launcher", "nodes", "side", "strong", "memory", "model"  # Options of `ranks`.
 QUICK: dict[str, dict[str, Any]] = {
     "threads": {"sides": (512,), "turns": 2},
     "ranks": {"side": 256, "strong": 256, "memory": 256},
+    "transforms": {"shapes": ((300,), (20, 30)), "turns": 2},
     "gpu": {"sizes": (64, 128)},
 }
 
@@ -53,6 +60,7 @@ def main(argv: Sequence[str] | None = None, quick: Mapping[str, Mapping[str, Any
             **{name: getattr(arguments, name) for name in RANKS},
             "node": ranks.Node(*rates),
         },
+        "transforms": {},
         "gpu": {
             "libraries": arguments.library or gpu.LIBRARIES[:1],
             "sizes": [n for n in gpu.SIZES if n <= arguments.largest],

@@ -116,7 +116,8 @@ def is_backend_set() -> bool:
         default = of_all[DOMAIN][0][0]
     except (AttributeError, KeyError):
         return True
-    return any(of_thread.get(DOMAIN, ())) or not default.__module__.startswith("scipy.")
+    is_set = bool(of_thread) and any(of_thread.get(DOMAIN, ()))
+    return is_set or not default.__module__.startswith("scipy.")
 
 
 def keep_bits(dtype: DTypeLike, lines: int = 1) -> AbstractContextManager[None]:
