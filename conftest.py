@@ -11,3 +11,9 @@ if os.environ.get("OPENBLAS_CORETYPE"):
 # What imports mpi4py: the examples of the package are run on one rank.
 ON_RANKS = ["toeplitz_mg/slabs/*", "comparisons/harness/counting.py"]
 collect_ignore_glob = [] if find_spec("mpi4py") else ON_RANKS
+
+
+def pytest_addoption(parser):
+    """Know the setting of a plugin that the group `test-core` is without."""
+    if not find_spec("pytest_timeout"):
+        parser.addini("timeout", "seconds after which a test fails")

@@ -13,14 +13,19 @@ from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+
+try:
+    from hypothesis import settings
+except ImportError:  # The core's tests do without.
+    settings = None
 
 # It is read where NumPy is imported, after this file.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-settings.register_profile("fixed", derandomize=True, deadline=None)
-settings.register_profile("random", database=None, deadline=None, print_blob=True)
-settings.load_profile("fixed")
+if settings:
+    settings.register_profile("fixed", derandomize=True, deadline=None)
+    settings.register_profile("random", database=None, deadline=None, print_blob=True)
+    settings.load_profile("fixed")
 
 
 @pytest.fixture(scope="session")

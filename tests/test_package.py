@@ -45,7 +45,7 @@ def test_the_citation_is_valid():
 
 
 @pytest.mark.parametrize(
-    "group", ["lint", "typing", "docs", "peers", "benchmarks", "mutants", "release"]
+    "group", ["lint", "test-core", "typing", "docs", "peers", "benchmarks", "mutants", "release"]
 )
 def test_what_is_for_a_clone_only_is_no_extra(group):
     assert SETTINGS["dependency-groups"][group]
@@ -71,3 +71,30 @@ def test_all_that_a_source_distribution_needs_is_in_it():
     assert {"toeplitz_mg", "tests", "comparisons", "benchmarks", "examples", "docs"} <= included
     assert {"README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE"} <= included
     assert all((ROOT / name).exists() for name in included)
+
+
+def test_the_core_needs_nothing_but_numpy_scipy_and_pytest():
+    core = SETTINGS["dependency-groups"]["test-core"]
+    assert {*SETTINGS["project"]["dependencies"]} < {*core}
+    assert [requirement for requirement in core if requirement[:6] != "pytest"] == core[:-1]
+    files = (ROOT / "tests" / "core.txt").read_text().split()
+    assert all((ROOT / name).is_file() for name in files)
+
+
+def test_the_workflow_runs_what_a_clone_runs():
+    workflow = ROOT / ".github" / "workflows" / "checks.yml"
+    if not workflow.exists():
+        pytest.skip("a source distribution is without it")
+    text = workflow.read_text()
+    for name in re.findall(r"(?<![\w/.])(?:\.ci|tests)/[\w.]+", text):
+        assert (ROOT / name).exists(), name
+    tried = set(re.findall(r'"(3\.\d+)"', text))
+    assert {f"Programming Language :: Python :: {python}" for python in tried} == {
+        c for c in SETTINGS["project"]["classifiers"] if " :: Python :: 3." in c
+    }
+
+
+def test_a_release_has_a_page_of_its_own():
+    page = (ROOT / "RELEASING.md").read_text()
+    assert ".ci/package" in page
+    assert f"## {tmg.__version__}" in (ROOT / "CHANGELOG.md").read_text()
