@@ -9,12 +9,10 @@ fresh one for each symbol and decade; low quantiles, of fewer turns for one that
 Cholesky factor.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import groupby
-from random import Random
-from time import process_time
 
 import numpy as np
 import scipy.linalg
@@ -23,7 +21,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
-from comparisons.harness.measuring import time_call
+from comparisons.harness.measuring import time_in_turns
 from comparisons.harness.processes import in_a_fresh_process, prepare
 from comparisons.harness.report import Row
 from comparisons.machines.transforms import fastest
@@ -41,10 +39,6 @@ DIGITS = 8  # Those of the relative residual that is asked for, unless told othe
 MOST_NUMBERS = 2**22  # Of the right-hand sides of a system.
 LEVINSON_STEPS = 2**28  # Most steps, n² a column, of SciPy's, and so n = 16,384.
 BY_HAND = range(100, LONG + 1)  # Sizes for the rival by hand, which is far behind at the others.
-ENOUGH = 0.1  # CPU seconds of the runs of one contender, after which it has no more turns.
-TURNS = 40  # Most turns.
-SHORTEST = 0.001  # CPU seconds of the runs of one turn, so that the clock resolves them.
-QUANTILE = 0.2  # Share of the turns that are faster: the others were disturbed.
 FORMATS = {"symbol": "", "columns": "d", "n": "d", "seconds": ".2g", "scipy_seconds": ".2g"}
 FORMATS |= {"by_hand_seconds": ".2g", "ratio": ".2f", "method": "", "iterations": "d"}
 FORMATS |= {"residual": ".0e"}
@@ -97,25 +91,6 @@ def measure_one(name: str, n: int, columns: int, rtol: float) -> Row:
     r = b - scipy.linalg.matmul_toeplitz(c, x)
     residual = float((np.linalg.norm(r, axis=0) / np.linalg.norm(b, axis=0)).max())
     return row | {"method": info.method, "iterations": info.iterations, "residual": residual}
-
-
-def time_in_turns(contenders: Mapping[str, Callable[[], object]]) -> dict[str, float]:
-    """Return the CPU seconds of each; one that takes long has fewer turns than the others."""
-    first = {key: time_call(run, process_time)[1] for key, run in contenders.items()}
-    repeats = {key: max(1, round(SHORTEST / max(t, 1e-6))) for key, t in first.items()}
-    # What takes seconds is not repeated.
-    times = {key: [t] if t > 10.0 * ENOUGH else [] for key, t in first.items()}
-    order, chance = list(contenders.items()), Random(0)
-    for _ in range(TURNS):
-        chance.shuffle(order)  # A run is slower after one that has emptied the caches.
-        for key, run in order:
-            if sum(times[key]) * repeats[key] > ENOUGH:
-                continue
-            start = process_time()
-            for _ in range(repeats[key]):
-                run()
-            times[key].append((process_time() - start) / repeats[key])
-    return {key: float(np.quantile(t, QUANTILE, method="lower")) for key, t in times.items()}
 
 
 def run(

@@ -3,11 +3,9 @@
 The mean and the regressors are the same: generalised least squares in both.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.util import find_spec
-from operator import itemgetter
-from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +14,7 @@ from scipy.optimize import minimize
 
 import toeplitz_mg as tmg
 from comparisons.harness import report
-from comparisons.harness.measuring import time_call
+from comparisons.harness.measuring import time_in_turns
 from comparisons.harness.report import Row
 from toeplitz_mg._typing import Array
 from toeplitz_mg.covariances import ARFIMA, ARMA, Covariance, Exponential, Matern, WhiteNoise
@@ -26,7 +24,6 @@ FORMATS = {
     **{"estimate": ".4f", "standard error": ".4f", "log-likelihood": ".3f", "seconds": ".2f"},
     **{"beside": "", "its estimate": ".4f", "its log-likelihood": ".3f", "its seconds": ".2f"},
 }
-TURNS = 3  # Fits of which the fastest counts.
 SEASONS = 3  # Cosines and sines of a year, 1/2 and 1/3 of it.
 
 
@@ -106,29 +103,17 @@ def compare() -> Iterator[Row]:
         theirs: Callable[[], Any] = partial(fit_dense, y, X, case.covariance)
         if case.order:
             theirs = partial(fit_arima, y, X, case.order)
-        (fit, seconds), ((estimates, value), its_seconds) = (
-            min((time_call(run, process_time) for _ in range(TURNS)), key=itemgetter(1))
-            for run in (ours, theirs)
-        )
+        times = time_in_turns({"seconds": ours, "its seconds": theirs})
+        fit, (estimates, value) = ours(), theirs()
         if case.parameter == "length":  # That of neighbours whose correlation is known.
             estimates["length"] = -1.0 / np.log(estimates["ar.L1"])
-        yield {
-            "series": case.series,
-            "observed": fit.n_observed,
-            "missing": len(y) - fit.n_observed,
-            "covariance": case.model,
-            "parameter": case.parameter,
-            "estimate": fit.params[case.parameter],
-            "standard error": fit.std_errors[case.parameter],
-            "log-likelihood": fit.loglikelihood,
-            "seconds": seconds,
-            "beside": "statsmodels" if case.order else "dense",
-            "its estimate": estimates[case.parameter],
-            "its log-likelihood": value,
-            "its seconds": its_seconds,
-        }
+        parameter, model = case.parameter, case.model
+        row: Row = {"series": case.series, "observed": fit.n_observed}
+        row |= {"missing": len(y) - fit.n_observed, "covariance": model, "parameter": parameter}
+        row |= {"estimate": fit.params[parameter], "standard error": fit.std_errors[parameter]}
+        row |= {"log-likelihood": fit.loglikelihood, "its log-likelihood": value}
+        row |= {"beside": "statsmodels" if case.order else "dense"}
+        yield row | times | {"its estimate": estimates[parameter]}
 
 
-def arrange(rows: Sequence[Row]) -> list[Row]:
-    """Return the table of the page."""
-    return [report.format_cells(row, FORMATS) for row in rows]
+arrange = partial(report.format_rows, FORMATS)

@@ -4,7 +4,7 @@
   package says it has.
 - CPU times of a value with its gradient, against one value by the superfast Schur algorithm, the
   published way of SuperGauss, and a stochastic estimate of the log-determinant, Lanczos's method on
-  ten random vectors. The contenders in turns in one process, on one thread; the fastest of them.
+  ten random vectors. The contenders in turns in one process, on one thread.
 - One gap, and values missing at random; the gradient with both, against its value.
 - An exponential covariance, for which celerite2 and statsmodels have recursions in O(n), where they
   are installed; and against Levinson's recursion as SciPy has compiled it.
@@ -29,7 +29,7 @@ import toeplitz_mg as tmg
 from comparisons import fits
 from comparisons.harness import report
 from comparisons.harness.inside import GohbergSemencul, levinson_column, schur_column
-from comparisons.harness.measuring import TOLERANCE, iterate, time_call
+from comparisons.harness.measuring import TOLERANCE, iterate, time_call, time_in_turns
 from comparisons.harness.processes import prepare
 from comparisons.harness.report import Row
 from comparisons.systems.symbols import column
@@ -40,12 +40,8 @@ SIZES: tuple[int, ...] = tuple(2**k for k in (12, 14, 16, 18, 20))
 GAP_SIZES: tuple[int, ...] = tuple(2**k for k in (12, 15, 16))
 QUICK_SIZES = (2**10,)
 # Points, how many are missing, and how many of these in one gap.
-GAPS: tuple[tuple[int, int, int], ...] = (
-    (4383, 541, 200),
-    (10_000, 1984, 200),
-    (65_536, 1000, 1000),
-)
-QUICK_GAPS = ((700, 100, 40),)
+GAPS = [(4383, 541, 200), (10_000, 1984, 200), (65_536, 1000, 1000)]
+QUICK_GAPS = [(700, 100, 40)]
 RIVAL_SIZES: tuple[int, ...] = tuple(10**k for k in (3, 4, 5, 6))
 LENGTH = 20.0  # Of the exponential covariance.
 MOST_DENSE = 5000  # Points of which the derivatives are compared with dense ones.
@@ -54,7 +50,6 @@ NOISE_SIZE = 2**16
 DENSE_SIZES: tuple[int, ...] = (600, 2000, 4096)
 QUICK_DENSE = (300,)
 TIMED = ("fGn, H = 0.9", "0.9^k", "Matérn 3/2, ℓ = 5", "exp(-k/1000)")
-TURNS = 3
 PROBES, STEPS = 10, 100  # Random vectors, and steps of Lanczos's method on each.
 
 
@@ -109,6 +104,14 @@ def stochastic_logdet(c: Array) -> float:
     return total / PROBES
 
 
+def error_of_gradient(by_c: Array, inverse: Array, alpha: Array) -> float:
+    """Return the largest error of derivatives over the largest, by A⁻¹ and A⁻¹ y."""
+    n = len(alpha)
+    exact = np.array([alpha[: n - k] @ alpha[k:] - np.trace(inverse, k) for k in range(n)])
+    exact[0] /= 2
+    return float(np.abs(by_c - exact).max() / np.abs(exact).max())
+
+
 def compare_with_dense(name: str, n: int) -> Row:
     """Compare with dense factorisations."""
     c = covariance(name, n)
@@ -120,18 +123,10 @@ def compare_with_dense(name: str, n: int) -> Row:
     exact = 2.0 * np.log(np.linalg.cholesky(A).diagonal()).sum()
     dense = np.linalg.inv(A)
     eigenvalues = scipy.linalg.eigvalsh(A)
-    alpha = dense @ y
-    gradient = np.array([alpha[: n - k] @ alpha[k:] - np.trace(dense, k) for k in range(n)])
-    gradient[0] /= 2
-    return {
-        "covariance": name,
-        "n": n,
-        "condition": eigenvalues[-1] / eigenvalues[0],
-        "log det": exact,
-        "error": abs(inverse.logdet - exact) / abs(exact),
-        "error said": inverse.logdet_error / abs(exact),
-        "error of the gradient": np.abs(by_c - gradient).max() / np.abs(gradient).max(),
-    }
+    error, said = abs(inverse.logdet - exact), inverse.logdet_error
+    row: Row = {"covariance": name, "n": n, "condition": eigenvalues[-1] / eigenvalues[0]}
+    row |= {"log det": exact, "error": error / abs(exact), "error said": said / abs(exact)}
+    return row | {"error of the gradient": error_of_gradient(by_c, dense, dense @ y)}
 
 
 def time_likelihood(name: str, n: int) -> Row:
@@ -143,7 +138,7 @@ def time_likelihood(name: str, n: int) -> Row:
         "value": lambda: tmg.ToeplitzNormal(c).logpdf(y),
         "value by Schur": partial(value_by, schur_column, c, y),
     }
-    seconds = _time_in_turns(contenders)
+    seconds = time_in_turns(contenders)
     row: Row = {"covariance": name, "n": n, **seconds}
     row["ratio"] = seconds["value and gradient"] / seconds["value by Schur"]
     if n <= SIZES[1]:
@@ -165,10 +160,8 @@ def time_gaps(n: int) -> Iterator[Row]:
         for key, mask in (("one gap", one), ("at random", random)):
             row[f"missing, {key}"] = int(n - mask.sum())
             try:
-                row[f"value, {key}"] = min(
-                    time_call(partial(tmg.ToeplitzNormal(c).logpdf, y, mask), process_time)[1]
-                    for _ in range(TURNS)
-                )
+                value = partial(tmg.ToeplitzNormal(c).logpdf, y, mask)
+                row |= time_in_turns({f"value, {key}": value})
             except ValueError as error:  # What is refused says why.
                 row[f"value, {key}"] = None
                 row["refused"] = str(error)
@@ -189,7 +182,7 @@ def time_gradient_with_gaps(name: str, n: int, missing: int, longest: int) -> Ro
         "value": lambda: tmg.ToeplitzNormal(c).logpdf(y),
         "value and gradient": lambda: tmg.ToeplitzNormal(c).logpdf_and_grad(y),
     }
-    seconds = _time_in_turns(contenders)
+    seconds = time_in_turns(contenders)
     row: Row = {"covariance": name, "n": n, "missing": missing, "longest gap": longest, **seconds}
     row["ratio"] = seconds["value and gradient"] / seconds["value"]
     if n <= MOST_DENSE:
@@ -197,20 +190,9 @@ def time_gradient_with_gaps(name: str, n: int, missing: int, longest: int) -> Ro
         inside = np.ix_(observed, observed)
         inverse[inside] = np.linalg.inv(scipy.linalg.toeplitz(c)[inside])
         alpha[observed] = inverse[inside] @ y[observed]
-        exact = np.array([alpha[: n - k] @ alpha[k:] - np.trace(inverse, k) for k in range(n)])
-        exact[0] /= 2
         _, by_c, _ = tmg.ToeplitzNormal(c).logpdf_and_grad(y)
-        row["error"] = float(np.abs(by_c - exact).max() / np.abs(exact).max())
+        row["error"] = error_of_gradient(by_c, inverse, alpha)
     return row
-
-
-def _time_in_turns(contenders: dict[str, Callable[[], Any]]) -> dict[str, float]:
-    """Return the fastest CPU time of each."""
-    seconds = dict.fromkeys(contenders, np.inf)
-    for _ in range(TURNS):
-        for key, run in contenders.items():
-            seconds[key] = min(seconds[key], time_call(run, process_time)[1])
-    return seconds
 
 
 def time_rivals(n: int) -> Row:
@@ -236,7 +218,7 @@ def time_rivals(n: int) -> Row:
         model = import_module("statsmodels.tsa.statespace.sarimax").SARIMAX(y, order=(1, 0, 0))
         contenders["statsmodels"] = partial(model.loglike, np.array([c[1], 1.0 - c[1] ** 2]))
     values = [run() for run in contenders.values()]
-    row: Row = {"n": n, "covariance": f"exp(-k/{LENGTH:g})", **_time_in_turns(contenders)}
+    row: Row = {"n": n, "covariance": f"exp(-k/{LENGTH:g})", **time_in_turns(contenders)}
     row["difference"] = float(np.ptp(values) / abs(values[0]))
     return row
 
@@ -257,12 +239,18 @@ def count_with_noise(name: str, n: int) -> Iterator[Row]:
         yield row
 
 
+def arrange(key: str, rows: Sequence[Row], *left_out: str) -> list[Row]:
+    """Return rows of a table of `TABLES` as they are printed, without some columns."""
+    _, formats = TABLES[key]
+    kept = {name: spec for name, spec in formats.items() if name not in left_out}
+    return report.format_rows(kept, rows)
+
+
 def arrange_errors(rows: Sequence[Row]) -> list[Row]:
     """Return the table of errors, in order of the condition numbers."""
     own = [row for row in rows if row["n"] == DENSE_SIZES[0]]
     own.sort(key=lambda row: float(row["condition"]))
-    table = [report.format_cells(row, FORMATS["errors"]) for row in own]
-    return [{key: row[key] for key in row if key not in ("n", "log det")} for row in table]
+    return arrange("errors", own, "n", "log det")
 
 
 def arrange_times(rows: Sequence[Row]) -> list[Row]:
@@ -277,33 +265,17 @@ def arrange_times(rows: Sequence[Row]) -> list[Row]:
 
 def arrange_gaps(rows: Sequence[Row]) -> list[Row]:
     """Return the table of times with gaps, and of iterations."""
-    table = []
-    for row in rows:
-        cells = report.format_cells(row, FORMATS["gaps"])
-        for key in ("value, one gap", "value, at random"):
-            cells[key] = report.format_seconds(row.get(key)) or "refused"
-        table.append(cells)
-    return table
+    return [{k: text or "refused" for k, text in row.items()} for row in arrange("gaps", rows)]
 
 
 def arrange_gap_gradients(rows: Sequence[Row]) -> list[Row]:
     """Return the table of times of gradients with gaps, beside those of values."""
-    table = []
-    for row in rows:
-        cells = report.format_cells(row, FORMATS["gap_gradients"])
-        for key in ("value", "value and gradient"):
-            cells[key] = report.format_seconds(row[key])
-        table.append(cells)
-    return table
+    return arrange("gap_gradients", rows)
 
 
 def arrange_rivals(rows: Sequence[Row]) -> list[Row]:
     """Return the table of times of an exponential covariance."""
-    methods = ("ToeplitzNormal", "Levinson", "celerite2", "statsmodels")
-    return [
-        {"n": row["n"]} | {key: report.format_seconds(row.get(key)) or "" for key in methods}
-        for row in rows
-    ]
+    return arrange("rivals", rows, "covariance", "difference")
 
 
 def arrange_noise(rows: Sequence[Row]) -> list[Row]:
@@ -315,39 +287,35 @@ def arrange_noise(rows: Sequence[Row]) -> list[Row]:
     return report.pivot(rows, lambda row: {"covariance": row["covariance"]}, cell)
 
 
-TITLES = {
-    "errors": "Errors of log det A and of the gradient, against dense factorisations",
-    "times": "CPU seconds of a value with its gradient, and of its rivals",
-    "gaps": "One gap, and values missing at random",
-    "gap_gradients": "A gradient with gaps, beside its value",
-    "rivals": "CPU seconds of a value of an exponential covariance",
-    "noise": "Iterations for A + D",
-    "fits": "Fits of five series",
-}
-FORMATS = {
-    "errors": {
-        **{"covariance": "", "n": "d", "condition": ".0e", "log det": ".6g", "error": ".0e"},
-        **{"error said": ".0e", "error of the gradient": ".0e"},
-    },
-    "times": {
-        **{"covariance": "", "n": "d", "value and gradient": ".4f", "value": ".4f"},
-        **{"value by Schur": ".4f", "ratio": ".2f"},
-        **{"stochastic": ".2f", "error of stochastic": ".0e"},
-    },
-    "gaps": {
-        **{"covariance": "", "n": "d", "missing, one gap": "d", "value, one gap": ".3f"},
-        **{"missing, at random": "d", "value, at random": ".2f", "iterations, at random": "d"},
-    },
-    "gap_gradients": {
-        **{"covariance": "", "n": "d", "missing": "d", "longest gap": "d", "value": ".4f"},
-        **{"value and gradient": ".4f", "ratio": ".1f", "error": ".0e"},
-    },
-    "rivals": {
-        **{"covariance": "", "n": "d", "ToeplitzNormal": ".5f", "Levinson": ".5f"},
-        **{"celerite2": ".5f", "statsmodels": ".5f", "difference": ".0e"},
-    },
-    "noise": {"covariance": "", "n": "d", "spread of log d": "", "default": "d"},
-    "fits": fits.FORMATS,
+SYSTEM = {"covariance": "", "n": "d"}
+GAP = {"missing, one gap": "d", "value, one gap": "time"}
+GAP |= {"missing, at random": "d", "value, at random": "time", "iterations, at random": "d"}
+BOTH = {"value": "time", "value and gradient": "time"}
+STOCHASTIC = {"stochastic": "time", "error of stochastic": ".0e"}
+RIVALS = dict.fromkeys(("ToeplitzNormal", "Levinson", "celerite2", "statsmodels"), "time")
+ERRORS = {"condition": ".0e", "log det": ".6g", "error": ".0e"}
+ERRORS |= {"error said": ".0e", "error of the gradient": ".0e"}
+# The titles, and how the cells are printed.
+TABLES: dict[str, tuple[str, dict[str, str]]] = {
+    "errors": (
+        "Errors of log det A and of the gradient, against dense factorisations",
+        SYSTEM | ERRORS,
+    ),
+    "times": (
+        "Times of a value with its gradient, and of its rivals",
+        SYSTEM | BOTH | {"value by Schur": "time", "ratio": ".2f"} | STOCHASTIC,
+    ),
+    "gaps": ("One gap, and values missing at random", SYSTEM | GAP),
+    "gap_gradients": (
+        "A gradient with gaps, beside its value",
+        SYSTEM | {"missing": "d", "longest gap": "d"} | BOTH | {"ratio": ".1f", "error": ".0e"},
+    ),
+    "rivals": (
+        "CPU times of a value of an exponential covariance",
+        SYSTEM | RIVALS | {"difference": ".0e"},
+    ),
+    "noise": ("Iterations for A + D", SYSTEM | {"spread of log d": "", "default": "d"}),
+    "fits": ("Fits of five series", fits.FORMATS),
 }
 
 
@@ -356,28 +324,25 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run the comparison."""
     prepare()
     arguments = report.options("gaussian", "Likelihoods of stationary processes.", argv=argv)
-    quick = arguments.quick
     sizes, dense, gaps = SIZES, DENSE_SIZES, GAP_SIZES
     noise, with_gaps, rivals = NOISE_SIZE, GAPS, RIVAL_SIZES
-    if quick:
+    if arguments.quick:
         with_gaps, rivals = QUICK_GAPS, RIVAL_SIZES[:1]
         sizes = gaps = QUICK_SIZES
         dense, noise = QUICK_DENSE, QUICK_SIZES[0]
-    tables: dict[str, Iterator[Row]] = {
-        "errors": (compare_with_dense(name, n) for n in dense for name in (*NAMED, *COVARIANCES)),
-        "times": (time_likelihood(name, n) for n in sizes for name in TIMED),
-        "gaps": (row for n in gaps for row in time_gaps(n)),
-        "gap_gradients": (
-            time_gradient_with_gaps(name, *gap) for gap in with_gaps for name in TIMED
-        ),
-        "rivals": map(time_rivals, rivals),
-        "noise": (row for name in TIMED for row in count_with_noise(name, noise)),
-        "fits": fits.compare(),
-    }
-    for key, rows in tables.items():
-        form = partial(report.format_cells, formats=FORMATS[key])
+    measured: tuple[Iterator[Row], ...] = (
+        (compare_with_dense(name, n) for n in dense for name in (*NAMED, *COVARIANCES)),
+        (time_likelihood(name, n) for n in sizes for name in TIMED),
+        (row for n in gaps for row in time_gaps(n)),
+        (time_gradient_with_gaps(name, *gap) for gap in with_gaps for name in TIMED),
+        map(time_rivals, rivals),
+        (row for name in TIMED for row in count_with_noise(name, noise)),
+        fits.compare(),
+    )
+    for (key, (title, formats)), rows in zip(TABLES.items(), measured, strict=True):
+        form = partial(report.format_cells, formats=formats)
         path = arguments.output / f"{key}.csv"
-        report.Table(TITLES[key], path, form, {"covariance": 18}).extend(rows)
+        report.Table(title, path, form, {"covariance": 18}).extend(rows)
 
 
 if __name__ == "__main__":

@@ -34,6 +34,9 @@ class Table(NamedTuple):
 
 
 _LIKELIHOOD = "gaussian_processes.md", "gaussian"
+_COSTS = "theory", "costs.csv"
+_GPU = "machines.md", "machines"
+_AREAS = "preconditioners", "areas.csv"
 _METHODS = "which_method.md", "preconditioners"
 TABLES = {
     "drop_in": Table("benchmarks.md", "drop_in", "drop_in.csv", "drop_in:arrange"),
@@ -41,11 +44,9 @@ TABLES = {
     "transforms": Table(
         "benchmarks.md", "machines", "transforms.csv", "machines.transforms:arrange"
     ),
-    "gpu": Table("machines.md", "machines", "gpu.csv", "machines.gpu:arrange"),
-    "gpu_areas": Table("machines.md", "machines", "gpu_areas.csv", "machines.gpu:arrange_areas"),
-    "gpu_contact": Table(
-        "machines.md", "machines", "gpu_contact.csv", "machines.gpu:arrange_contact"
-    ),
+    "gpu": Table(*_GPU, "gpu.csv", "machines.gpu:arrange"),
+    "gpu_areas": Table(*_GPU, "gpu_areas.csv", "machines.gpu:arrange_areas"),
+    "gpu_contact": Table(*_GPU, "gpu_contact.csv", "machines.gpu:arrange_contact"),
     "symbols": Table(*_METHODS, "symbols.csv", "preconditioners.symbols:arrange"),
     "general_symbols": Table(*_METHODS, "symbols.csv", "preconditioners.symbols:arrange_general"),
     "likelihood_errors": Table(*_LIKELIHOOD, "errors.csv", "gaussian:arrange_errors"),
@@ -59,24 +60,15 @@ TABLES = {
     "likelihood_fits": Table(*_LIKELIHOOD, "fits.csv", "fits:arrange"),
     "paper": Table("reproduce.md", "paper", "cells.csv", "paper.tables:arrange"),
     "cases_errors": Table("contact.md", "theory", "errors.csv", "theory.cases:arrange_errors"),
-    "cases_products": Table("contact.md", "theory", "costs.csv", "theory.cases:arrange_products"),
+    "cases_products": Table("contact.md", *_COSTS, "theory.cases:arrange_products"),
     "cases_stresses": Table("stresses.md", "theory", "errors.csv", "theory.cases:arrange_stresses"),
-    "periodic_products": Table(
-        "periodic.md", "theory", "costs.csv", "theory.cases:arrange_repeated"
-    ),
+    "periodic_products": Table("periodic.md", *_COSTS, "theory.cases:arrange_repeated"),
     "printed": Table("unlike.md", "theory", "printed.csv", "theory.cases:arrange_printed"),
     "kalker": Table("rolling.md", "theory", "printed.csv", "theory.cases:arrange_kalker"),
     "periodic_peers": Table("periodic.md", "peers", "peers.csv", "peers:arrange_repeated"),
-    "areas": Table("masks.md", "preconditioners", "areas.csv", "preconditioners.areas:arrange"),
-    "areas_all": Table(
-        "areas.md", "preconditioners", "areas.csv", "preconditioners.areas:arrange_all"
-    ),
-    "coupled": Table(
-        "three_dimensions.md",
-        "preconditioners",
-        "areas.csv",
-        "preconditioners.areas:arrange_coupled",
-    ),
+    "areas": Table("masks.md", *_AREAS, "preconditioners.areas:arrange"),
+    "areas_all": Table("areas.md", *_AREAS, "preconditioners.areas:arrange_all"),
+    "coupled": Table("three_dimensions.md", *_AREAS, "preconditioners.areas:arrange_coupled"),
 }
 
 

@@ -26,7 +26,7 @@ from comparisons.harness import report
 from comparisons.harness.inside import Grid
 from comparisons.harness.processes import prepare, row_or_note
 from comparisons.harness.report import Row
-from comparisons.systems.conditions import clip
+from comparisons.systems.conditions import coulomb_residual
 from comparisons.theory.pressed import rough_gap
 from comparisons.theory.solved import MU, A, C
 from toeplitz_mg._typing import Array
@@ -93,7 +93,7 @@ class Problem:
         a0 = self.grid.diagonal(self.matrix)
         if bound is not None:
             slip = u - np.reshape([self.shift, 0.0], (2, 1, 1))
-            return float(a0 * np.abs(q - clip(q - slip / a0, bound)).max() / self.shift)
+            return coulomb_residual(q, slip, bound, a0) / self.shift
         w = u + self.gap
         approach = float((q * w).sum() / q.sum())
         scale = approach - float(self.gap.min())
@@ -131,31 +131,20 @@ def ours(problem: Problem, tolerance: float) -> Answer:
     return Answer(result.traction, bound, sum(result.iterations), result.products, seconds)
 
 
-def aspher(problem: Problem, tolerance: float) -> Answer:
-    """Solve by the FFT solver of `aspher`, on one grid."""
+def aspher(problem: Problem, tolerance: float, nested: bool = False) -> Answer:
+    """Solve by `aspher`'s FFT solver, on one grid or with the first guess from coarser ones."""
     import aspher as package
 
-    N = problem.N
-    start = process_time()
-    backend = "periodic" if problem.periodic else "fft"
-    solver = package.ContactSolver(grid_size=N, backend=backend, domain_size=2.0, E_star=1.0)
-    options = {"tol": tolerance, "precond": "fourier-fft"}
-    result = solver.solve(problem.gap.ravel(), problem.force / 4.0, **options)
-    seconds = process_time() - start
-    p = np.asarray(result.pressure).reshape(N, N)
-    return Answer(p, None, result.iterations, result.matvec_count, seconds)
-
-
-def aspher_nested(problem: Problem, tolerance: float) -> Answer:
-    """Solve by the fastest of `aspher`, with the first guess from coarser grids."""
-    import aspher as package
-
-    N = problem.N
-    options: Any = {"domain_size": 2.0, "E_star": 1.0, "tol": tolerance}
+    N, start = problem.N, process_time()
+    options: Any = {"domain_size": 2.0, "E_star": 1.0}
     options["backend"] = "periodic" if problem.periodic else "fft"
-    options["coarsest"] = N // 2 ** max(0, int(math.log2(N / 64)))
-    start = process_time()
-    result = package.solve_nested(N, problem.gap.ravel(), problem.force / 4.0, **options)
+    load: Any = problem.gap.ravel(), problem.force / 4.0
+    if nested:
+        options |= {"tol": tolerance, "coarsest": N // 2 ** max(0, int(math.log2(N / 64)))}
+        result = package.solve_nested(N, *load, **options)
+    else:
+        solver = package.ContactSolver(grid_size=N, **options)
+        result = solver.solve(*load, tol=tolerance, precond="fourier-fft")
     seconds = process_time() - start
     p = np.asarray(result.pressure).reshape(N, N)
     return Answer(p, None, result.iterations, result.matvec_count, seconds)
@@ -227,7 +216,7 @@ Method = tuple[str, Callable[..., Answer]]
 NORMAL: dict[str, Method] = {
     "toeplitz-mg": ("toeplitz_mg", ours),
     "aspher, |q| by FFT": ("aspher", aspher),
-    "aspher, nested": ("aspher", aspher_nested),
+    "aspher, nested": ("aspher", partial(aspher, nested=True)),
     "tamaas": ("tamaas", tamaas),
     "ContactMechanics": ("ContactMechanics", contact_mechanics),
 }

@@ -122,7 +122,9 @@ def test_areas_of_a_half_space(area):
 
 
 def test_what_is_refused_is_followed_by_the_next(caplog):
-    A = tmg.MaskedOperator(gaussian((48, 48), 50.0**0.5, 1e-3), masks.checkerboard(48))
+    A = tmg.MaskedOperator(
+        gaussian((48, 48), 50.0**0.5, 1e-3), masks.FRAGMENTED["checkerboard"](48)
+    )
     with pytest.raises(np.linalg.LinAlgError):
         tmg.fsai_preconditioner(A)
     caplog.set_level("INFO")

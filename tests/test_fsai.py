@@ -42,7 +42,7 @@ def tangential(shape, nu=0.5, ratio=1.0, dtype=np.float64):
 
 AREAS = masks.FRAGMENTED | {
     "random, 5 %": partial(masks.random, 0.05),
-    "stripes across": lambda n: masks.stripes(n).T,
+    "stripes across": lambda n: masks.FRAGMENTED["stripes"](n).T,
     "diagonal": lambda n: np.eye(n, dtype=bool),
 }
 

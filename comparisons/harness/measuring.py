@@ -1,7 +1,8 @@
 """A preconditioner in an iteration: CPU time, work, iterations and true residual."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from random import Random
 from time import perf_counter, process_time
 from typing import Any
 
@@ -14,6 +15,10 @@ from toeplitz_mg._typing import Array
 Choice = Callable[[Any], LinearOperator | None]  # Returns a preconditioner of A, or none.
 
 TOLERANCE = 1e-8
+ENOUGH = 0.1  # CPU seconds of the runs of one contender, after which it has no more turns.
+TURNS = 40  # Most turns.
+SHORTEST = 0.001  # CPU seconds of the runs of one turn, so that the clock resolves them.
+QUANTILE = 0.2  # Share of the turns that are faster: the others were disturbed.
 
 
 def nothing(A: LinearOperator) -> None:
@@ -101,3 +106,22 @@ def time_call(
     start = clock()
     result = function()
     return result, clock() - start
+
+
+def time_in_turns(contenders: Mapping[str, Callable[[], object]]) -> dict[str, float]:
+    """Return the CPU seconds of each; one that takes long has fewer turns than the others."""
+    first = {key: time_call(run, process_time)[1] for key, run in contenders.items()}
+    repeats = {key: max(1, round(SHORTEST / max(t, 1e-6))) for key, t in first.items()}
+    # What takes seconds is not repeated.
+    times = {key: [t] if t > 10.0 * ENOUGH else [] for key, t in first.items()}
+    order, chance = list(contenders.items()), Random(0)
+    for _ in range(TURNS):
+        chance.shuffle(order)  # A run is slower after one that has emptied the caches.
+        for key, run in order:
+            if sum(times[key]) * repeats[key] > ENOUGH:
+                continue
+            start = process_time()
+            for _ in range(repeats[key]):
+                run()
+            times[key].append((process_time() - start) / repeats[key])
+    return {key: float(np.quantile(t, QUANTILE, method="lower")) for key, t in times.items()}

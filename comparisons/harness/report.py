@@ -167,10 +167,22 @@ def draw(rows: Sequence[Row], style: str = "github") -> str:
 
 
 def format_cells(row: Row, formats: Mapping[str, str]) -> Row:
-    """Return the cells of a row as they are printed, empty where nothing was measured."""
+    """Return the cells of a row as they are printed, empty where nothing was measured.
+
+    The format "time" is that of `format_seconds`.
+    """
+
+    def cell(value: Any, spec: str) -> str:
+        return format_seconds(value) if spec == "time" else format(value, spec)
+
     return {
-        key: "" if row.get(key) is None else format(row[key], spec) for key, spec in formats.items()
+        key: "" if row.get(key) is None else cell(row[key], spec) for key, spec in formats.items()
     }
+
+
+def format_rows(formats: Mapping[str, str], rows: Sequence[Row]) -> list[Row]:
+    """Return the cells of rows."""
+    return [format_cells(row, formats) for row in rows]
 
 
 def format_seconds(seconds: float | None) -> str:

@@ -245,13 +245,8 @@ def measure_contact(device: Device, n: int) -> Row:
     return row
 
 
-def arrange_as(columns: dict[str, str], rows: Sequence[Row]) -> list[Row]:
-    """Return a table of docs/machines.md."""
-    return [report.format_cells(row, columns) for row in rows]
-
-
 arrange, arrange_areas, arrange_contact = (
-    partial(arrange_as, columns) for columns in (PRODUCTS, AREAS, PRESSED)
+    partial(report.format_rows, columns) for columns in (PRODUCTS, AREAS, PRESSED)
 )
 
 

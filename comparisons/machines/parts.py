@@ -23,7 +23,7 @@ PARTS: dict[str, Part] = {
     "gpu": gpu.run,
 }
 USUAL = "threads", "ranks"  # The parts that every machine has.
-RANKS = "launcher", "nodes", "side", "strong", "memory", "model"  # Options of `ranks`.
+RANKS = "launcher", "nodes", "side", "model"  # Options of `ranks`.
 QUICK: dict[str, dict[str, Any]] = {
     "threads": {"sides": (512,), "turns": 2},
     "ranks": {"side": 256, "strong": 256, "memory": 256},
@@ -45,21 +45,12 @@ def main(argv: Sequence[str] | None = None, quick: Mapping[str, Mapping[str, Any
         model=[1, 8, 128, 512, 8192],
         launcher=ranks.LAUNCHER,
         side=1440,
-        strong=2048,
-        memory=4096,
-        gigaflops=500,
-        memory_rate=250,
-        network_rate=10,
         library=gpu.LIBRARIES,
         largest=4096,
     )
-    rates = (1e9 * arguments.gigaflops, 1e9 * arguments.memory_rate, 1e9 * arguments.network_rate)
     extents: dict[str, dict[str, Any]] = {
         "threads": {"cores": arguments.cores},
-        "ranks": {
-            **{name: getattr(arguments, name) for name in RANKS},
-            "node": ranks.Node(*rates),
-        },
+        "ranks": {name: getattr(arguments, name) for name in RANKS},
         "transforms": {},
         "gpu": {
             "libraries": arguments.library or gpu.LIBRARIES[:1],

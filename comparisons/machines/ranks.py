@@ -8,7 +8,7 @@ Flops are 5 L log₂ L of a complex transform of length L. A product has them of
 and of columns, of length 2 n, each way; and moves 32 bytes an unknown between ranks, less those
 that stay. What moves between the processor and its memory was chosen before anything was measured;
 it is not fitted. Beside a measurement it takes the rates of a rank as measured in the same job, all
-ranks at once; for other numbers of nodes those that are given.
+ranks at once; for other numbers of nodes those of `NODE`.
 """
 
 import json
@@ -51,6 +51,9 @@ class Node(NamedTuple):
     network: float
 
 
+NODE = Node(flops=500e9, memory=250e9, network=10e9)
+
+
 class Prediction(NamedTuple):
     """Seconds of a product and of its messages, of iterations of CG; bytes of a node, a message."""
 
@@ -80,10 +83,9 @@ def run(
     launcher: str,
     nodes: Sequence[int],
     side: int,
-    strong: int,
-    memory: int,
     model: Sequence[int],
-    node: Node,
+    strong: int = 2048,
+    memory: int = 4096,
 ) -> None:
     """Run the jobs, and print their tables."""
     form = partial(report.format_cells, formats=TIMES)
@@ -94,7 +96,7 @@ def run(
     report.Table("Memory of a rank", folder / "memory.csv", form, {"what": 13}).extend(
         memories(launcher, nodes, memory)
     )
-    report.Table("The model", folder / "model.csv").extend(modelled(node, model))
+    report.Table("The model", folder / "model.csv").extend(modelled(NODE, model))
 
 
 def times(launcher: str, nodes: Sequence[int], side: int, strong: int) -> Iterator[Row]:

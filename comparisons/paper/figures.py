@@ -17,13 +17,8 @@ from toeplitz_mg.paper.algorithm import column_of_inverse
 N = 32  # Number of elements in all figures but the third.
 ELEMENT = np.arange(1, N + 1)
 DOTS: dict[str, Any] = {"color": "red", "marker": ".", "markersize": 7, "linewidth": 0.5}
-CIRCLES: dict[str, Any] = {
-    "color": "blue",
-    "marker": "o",
-    "markersize": 6,
-    "markerfacecolor": "none",
-    "linewidth": 0.5,
-}
+CIRCLES: dict[str, Any] = {"color": "blue", "marker": "o", "markersize": 6, "linewidth": 0.5}
+CIRCLES["markerfacecolor"] = "none"
 
 
 def unit_matrix(n: int) -> tmg.ToeplitzOperator:
@@ -32,9 +27,10 @@ def unit_matrix(n: int) -> tmg.ToeplitzOperator:
     return tmg.ToeplitzOperator(problem.material.G * problem.A.c)
 
 
-def iteration_matrix(A: tmg.ToeplitzOperator, M: LinearOperator) -> Array:
+def iteration_matrix(preconditioner: Callable[[tmg.ToeplitzOperator], LinearOperator]) -> Array:
     """Return I - M A, dense."""
-    return np.eye(A.shape[0]) - M @ A.toarray()
+    A = unit_matrix(N)
+    return np.eye(N) - preconditioner(A) @ A.toarray()
 
 
 def eigenpairs(R: Array) -> tuple[Array, Array]:
@@ -62,7 +58,7 @@ def spectral_radii(A: tmg.ToeplitzOperator, gammas: Array) -> Array:
     """Return the spectral radius of I - M̄ A for each γ; only a multiple of I in M̄ depends on γ."""
     M_bar = tmg.fft_rsm_preconditioner(A)
     shifts = (gammas - M_bar.gamma)[:, np.newaxis, np.newaxis]
-    R = iteration_matrix(A, M_bar) - shifts * A.toarray()
+    R = np.eye(A.shape[0]) - (M_bar.toarray() + shifts * np.eye(A.shape[0])) @ A.toarray()
     return abs(np.linalg.eigvals(R)).max(axis=1)
 
 
@@ -121,8 +117,7 @@ def figure_03() -> Figure:
 
 def figure_06() -> Figure:
     """Draw the eigenvalues of I - M A, and the eigenvectors of the two below -1."""
-    A = unit_matrix(N)
-    values, vectors = eigenpairs(iteration_matrix(A, tmg.fft_preconditioner(A)))
+    values, vectors = eigenpairs(iteration_matrix(tmg.fft_preconditioner))
     figure, (left, right) = subplots(2, "element", "eigenvector")
     plot_eigenvalues(left, values, "$R_F$", DOTS)
     for k, style in enumerate((DOTS, CIRCLES)):
@@ -135,8 +130,7 @@ def figure_06() -> Figure:
 
 def figure_07() -> Figure:
     """Draw two Fourier modes before and after one application of I - M A."""
-    A = unit_matrix(N)
-    R = iteration_matrix(A, tmg.fft_preconditioner(A))
+    R = iteration_matrix(tmg.fft_preconditioner)
     figure, axes = subplots(2, "element", "mode")
     for panel, k, title in zip(axes, (2, 30), ("(a) smooth", "(b) oscillatory"), strict=True):
         v = np.sin(k * np.pi * (ELEMENT - 0.5) / N)  # Here x is from the left end.
@@ -147,9 +141,8 @@ def figure_07() -> Figure:
 
 def figure_09() -> Figure:
     """Draw the eigenvalues with the FFT and with the FFT+SD smoother."""
-    A = unit_matrix(N)
-    plain, _ = eigenpairs(iteration_matrix(A, tmg.fft_preconditioner(A)))
-    deflated, _ = eigenpairs(iteration_matrix(A, tmg.fft_sd_preconditioner(A)))
+    plain, _ = eigenpairs(iteration_matrix(tmg.fft_preconditioner))
+    deflated, _ = eigenpairs(iteration_matrix(tmg.fft_sd_preconditioner))
     figure, (axes,) = subplots(1, "index", "eigenvalue")
     plot_eigenvalues(axes, plain, "$R_F = I - MA$", DOTS)
     plot_eigenvalues(axes, deflated, "$R_D = I - PMA$", CIRCLES)
@@ -160,8 +153,7 @@ def figure_09() -> Figure:
 
 def figure_10() -> Figure:
     """Draw the four leading eigenvectors with FFT+SD; the last two are the deflated constants."""
-    A = unit_matrix(N)
-    R = iteration_matrix(A, tmg.fft_sd_preconditioner(A))
+    R = iteration_matrix(tmg.fft_sd_preconditioner)
     values, vectors = eigenpairs(R)
     figure, axes = subplots(2, "element", "eigenvector", rows=2)
     for panel, letter, k in zip(axes, "abcd", (1, 0, -2, -1), strict=True):
@@ -201,8 +193,7 @@ def figure_12() -> Figure:
 
 def figure_13() -> Figure:
     """Draw the eigenvalues with FFT+RSM, and the eigenvectors of the lowest and the highest."""
-    A = unit_matrix(N)
-    R = iteration_matrix(A, tmg.fft_rsm_preconditioner(A))
+    R = iteration_matrix(tmg.fft_rsm_preconditioner)
     values, vectors = eigenpairs(R)
     figure, (left, *axes) = subplots(3, "element", "eigenvector")
     plot_eigenvalues(left, values, "$R_R$", DOTS)
@@ -227,14 +218,8 @@ def numbers() -> Iterator[Row]:
 
 
 FIGURES: dict[int, Callable[[], Figure]] = {
-    3: figure_03,
-    6: figure_06,
-    7: figure_07,
-    9: figure_09,
-    10: figure_10,
-    11: figure_11,
-    12: figure_12,
-    13: figure_13,
+    **{3: figure_03, 6: figure_06, 7: figure_07, 9: figure_09},
+    **{10: figure_10, 11: figure_11, 12: figure_12, 13: figure_13},
 }
 
 

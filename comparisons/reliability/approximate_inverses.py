@@ -80,12 +80,8 @@ def _choose(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
     """Return the name of a preconditioner that takes such a matrix, and what builds it."""
     full = full_of(A)
     builders: list[Build] = [
-        tmg.fft_preconditioner,
-        tmg.fft_rsm_preconditioner,
-        tmg.chan_preconditioner,
-        tmg.strang_preconditioner,
-        tmg.cosine_preconditioner,
-        tmg.sine_preconditioner,
+        *(tmg.fft_preconditioner, tmg.fft_rsm_preconditioner, tmg.chan_preconditioner),
+        *(tmg.strang_preconditioner, tmg.cosine_preconditioner, tmg.sine_preconditioner),
         tmg.default_preconditioner,
     ]
     if isinstance(full, tmg.CoupledOperator):
@@ -107,22 +103,14 @@ def _choose(rng: Generator, A: LinearOperator) -> tuple[str, Build]:
 
 def _draw_cycle(rng: Generator) -> Build:
     steps = int(rng.choice([1, 1, 2]))
-    smoothers: list[Build] = [
-        tmg.fft_rsm_preconditioner,
-        tmg.jacobi_preconditioner,
-        tmg.cosine_preconditioner,
-        tmg.sine_preconditioner,
-    ]
+    smoothers: list[Build] = [tmg.fft_rsm_preconditioner, tmg.jacobi_preconditioner]
+    smoothers += [tmg.cosine_preconditioner, tmg.sine_preconditioner]
     choice = rng.integers(len(smoothers) + 2)
     others = tmg.linear_interpolation, tmg.modulated_interpolation
     interpolations = [tmg.piecewise_constant, tmg.piecewise_constant, *others]
-    options: dict[str, Any] = {
-        "pre": steps,
-        "post": steps,
-        "gamma": int(rng.choice([1, 1, 2])),
-        "coarsest": int(rng.choice([1, 4, 16])),
-        "interpolation": interpolations[rng.integers(len(interpolations))],
-    }
+    options: dict[str, Any] = {"pre": steps, "post": steps, "gamma": int(rng.choice([1, 1, 2]))}
+    options["coarsest"] = int(rng.choice([1, 4, 16]))
+    options["interpolation"] = interpolations[rng.integers(len(interpolations))]
     if choice < len(smoothers):
         options["smoother"] = smoothers[choice]
     return partial(tmg.multigrid, **options)

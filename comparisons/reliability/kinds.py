@@ -12,6 +12,7 @@ import toeplitz_mg as tmg
 from comparisons.harness.inside import smooth_column
 from comparisons.reliability.systems import BACKWARD, ILL
 from comparisons.reliability.trials import FAILED, REFUSED, RIGHT, TOLD, Outcome
+from comparisons.systems import symbols
 from comparisons.systems.random_matrices import log_uniform, random_column
 from toeplitz_mg._typing import Array
 
@@ -54,12 +55,7 @@ def decaying(rng: Generator, n: int) -> Line:
 def fractional(rng: Generator, n: int) -> Line:
     """Return a two-sided fractional derivative by shifted Grünwald differences, and a part of I."""
     alpha, weight = rng.uniform(1.05, 1.95), rng.uniform(0.0, 1.0)
-    g = np.concatenate([[1.0], np.cumprod(1.0 - (alpha + 1.0) / np.arange(1.0, n + 1))])
-    ahead, back = -g[1 : n + 1], np.zeros(n)
-    back[:2] = (-g[1], -g[0])[: min(n, 2)]
-    c, r = (1.0 - weight) * ahead + weight * back, (1.0 - weight) * back + weight * ahead
-    c[0] += log_uniform(rng, 1e-6, 1.0)
-    return c, r
+    return symbols.fractional(alpha, 1.0 - weight, log_uniform(rng, 1e-6, 1.0))(n)
 
 
 def convolution(rng: Generator, n: int) -> Line:
@@ -143,19 +139,8 @@ def complex_symmetric(rng: Generator, n: int) -> Line:
 
 
 KINDS: list[Kind] = [
-    positive_definite,
-    indefinite,
-    decaying,
-    fractional,
-    convolution,
-    without_symbol,
-    hermitian,
-    complex_decaying,
-    skew_symmetric,
-    circulant,
-    zero_diagonal,
-    every_other,
-    less_a_sample,
+    *(positive_definite, indefinite, decaying, fractional, convolution, without_symbol, hermitian),
+    *(complex_decaying, skew_symmetric, circulant, zero_diagonal, every_other, less_a_sample),
     complex_symmetric,
 ]
 

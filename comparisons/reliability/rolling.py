@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 
 from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
-from comparisons.systems.conditions import clip
+from comparisons.systems.conditions import coulomb_residual
 from comparisons.systems.random_matrices import log_uniform, random_grid
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
@@ -210,8 +210,7 @@ def _error(problem: Problem, result: TangentialResult, before: Array) -> str:
     if before is not q:  # A step is measured by what would be without slip.
         scale = max(scale, np.hypot(*((rigid - ahead / h) * result.contact)).max())
     a0 = float(problem.here[0, 0]) / h
-    wrong = a0 * np.hypot(*(q - clip(q - slip / a0, result.bound))).max()
-    allowed = np.sqrt(2.0) * SLACK * TOLERANCE * scale
+    wrong, allowed = coulomb_residual(q, slip, result.bound, a0), SLACK * TOLERANCE * scale
     return f"slip wrong by {wrong:.1e}, {allowed:.1e} allowed" if wrong > allowed else ""
 
 

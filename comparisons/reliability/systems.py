@@ -20,11 +20,7 @@ ILL = 1e-7  # Relative residual that nobody should get without a warning (it war
 SINGULAR = 1e12  # Condition number from which a refusal is due.
 MOST = 400  # Unknowns of the dense checks.
 PRECONDITIONERS: list[Callable[[LinearOperator], LinearOperator] | None] = [
-    None,
-    None,
-    tmg.default_preconditioner,
-    tmg.sine_preconditioner,
-    tmg.chan_preconditioner,
+    *(None, None, tmg.default_preconditioner, tmg.sine_preconditioner, tmg.chan_preconditioner)
 ]
 
 

@@ -9,7 +9,7 @@ from numpy.random import Generator
 
 from comparisons.reliability.bodies import MOST
 from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
-from comparisons.systems.conditions import clip
+from comparisons.systems.conditions import coulomb_residual
 from comparisons.systems.random_matrices import log_uniform, random_grid
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
@@ -63,9 +63,8 @@ class Case:
         interference = result.normal.approach - float(self.gap.min())
         gaps = np.abs(np.minimum(w, c0 * t[2])).max() / interference
         slip = u[:2] - before[:2] - self.shift[:, None, None]
-        slips = a0 * np.abs(t[:2] - clip(t[:2] - slip / a0, self.mu * t[2])).max()
-        slips /= max(float(np.abs(slip).max()), float(np.abs(u[:2]).max()))
-        return float(gaps), float(slips)
+        slips = coulomb_residual(t[:2], slip, self.mu * t[2], a0)
+        return float(gaps), slips / max(float(np.abs(slip).max()), float(np.abs(u[:2]).max()))
 
 
 def tractions_of(result: FrictionalResult) -> Array:

@@ -24,6 +24,11 @@ def clip(q: Array, g: Any) -> Array:
     return q * np.where(above, g / np.where(above, size, 1.0), 1.0)
 
 
+def coulomb_residual(q: Array, slip: Array, g: Any, a0: float) -> float:
+    """Return the largest natural residual of Coulomb's law: zero where tractions obey it."""
+    return float(a0 * np.abs(q - clip(q - slip / a0, g)).max())
+
+
 def measure(results: Sequence[ContactResult], gap: Array | None, bound: Array | None) -> float:
     """Return the largest violation by results, over the interference, or over what moves.
 
@@ -78,7 +83,7 @@ def of_friction(result: TangentialResult, pressed: Sequence[NormalResult]) -> fl
         rigid, a0 = _creep(result, len(q)), grid.diagonal(K) / h
         scale = float(np.abs(rigid * result.contact).max())
     slip = (slip + rigid) * result.contact
-    return float(a0 * np.abs(q - clip(q - slip / a0, result.bound)).max()) / scale
+    return coulomb_residual(q, slip, result.bound, a0) / scale
 
 
 def _strains(grid: Grid, p: Array, ahead: int = 0) -> Array:

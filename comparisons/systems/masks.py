@@ -31,12 +31,6 @@ def circle(N: int) -> Array:
     return _radius(N) < 1.0
 
 
-def annulus(N: int) -> Array:
-    """Return the mask of a circle across the grid, without one of half its radius."""
-    r = _radius(N)
-    return (r > 0.5) & (r < 1.0)
-
-
 def rough(fraction: float, N: int, seed: int = 0) -> Array:
     """Return the highest part of a self-affine surface, Hurst exponent 0.8, in many islands."""
     q = np.hypot(np.fft.fftfreq(N)[:, None], np.fft.rfftfreq(N)[None, :]) * N
@@ -53,16 +47,6 @@ def random(fraction: float, N: int) -> Array:
     return np.random.default_rng(1).random((N, N)) < fraction
 
 
-def stripes(N: int) -> Array:
-    """Return the mask of every other line of elements."""
-    return np.tile(np.arange(N) % 2 == 0, (N, 1))
-
-
-def checkerboard(N: int) -> Array:
-    """Return the mask of every other element, as on a checkerboard."""
-    return np.indices((N, N)).sum(axis=0) % 2 == 0
-
-
 def two_patches(N: int) -> Array:
     """Return the mask of two small circles in opposite corners."""
     x = (2.0 * np.arange(N) + 1.0) / N - 1.0
@@ -70,28 +54,17 @@ def two_patches(N: int) -> Array:
     return corners[0] | corners[1]
 
 
-def line(N: int) -> Array:
-    """Return the mask of one line of elements."""
-    mask = np.zeros((N, N), dtype=bool)
-    mask[N // 2] = True
-    return mask
-
-
 AREAS: dict[str, Callable[[int], Array]] = {"square": square, "circle": circle}  # Of punches.
 FRAGMENTED: dict[str, Callable[[int], Array]] = {
     "full": square,
     "circle": circle,
-    "annulus": annulus,
+    "annulus": lambda N: circle(N) & (_radius(N) > 0.5),
     "two patches": two_patches,
-    "one line": line,
-    "rough, 1 %": partial(rough, 0.01),
-    "rough, 5 %": partial(rough, 0.05),
-    "rough, 30 %": partial(rough, 0.3),
-    "rough, 60 %": partial(rough, 0.6),
-    "rough, 99 %": partial(rough, 0.99),
+    "one line": lambda N: np.tile((np.arange(N) == N // 2)[:, np.newaxis], N),
+    **{f"rough, {share} %": partial(rough, share / 100) for share in (1, 5, 30, 60, 99)},
     "random, 50 %": partial(random, 0.5),
-    "stripes": stripes,
-    "checkerboard": checkerboard,
+    "stripes": lambda N: np.tile(np.arange(N) % 2 == 0, (N, 1)),  # Every other line.
+    "checkerboard": lambda N: np.indices((N, N)).sum(axis=0) % 2 == 0,
 }
 
 

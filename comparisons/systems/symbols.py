@@ -15,6 +15,7 @@ from scipy import fft
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.covariances import FractionalGaussianNoise
+from toeplitz_mg.fractional import grunwald_coefficients
 from toeplitz_mg.paper.problems import test1
 
 Column = Callable[[int], Array]  # Returns the first column of a length.
@@ -59,10 +60,6 @@ def _matern(k: Array) -> Array:
     return (1 + r) * np.exp(-r)
 
 
-def _wide_gaussian(n: int) -> Array:
-    return _of_lags(lambda k: np.exp(-((4 * k / n) ** 2) / 2), 1e-6)(n)
-
-
 def _contact(n: int) -> Array:
     problem = test1(n)
     return problem.A.c * problem.material.G
@@ -89,7 +86,7 @@ COLUMNS: dict[str, Column] = {
     # The plain recipes find the next ones hard.
     "(2 - 2 cos θ)²": _of_band(6.0, -4.0, 1.0),
     "1/(1 + k²/100)": _of_lags(lambda k: 1 / (1 + k**2 / 100), 1e-6),
-    "wide Gaussian": _wide_gaussian,
+    "wide Gaussian": lambda n: _of_lags(lambda k: np.exp(-((4 * k / n) ** 2) / 2), 1e-6)(n),
     "sinc": _of_lags(lambda k: np.sinc(k / 3), 1e-6),
 }
 
@@ -102,15 +99,13 @@ def column(name: str, n: int) -> Array:
 # Nonsymmetric, with a symbol of winding number 0 --------------------------------------------
 
 
-def _fractional(alpha: float, left: float) -> Pair:
+def fractional(alpha: float, left: float, diagonal: float = 1e-3) -> Pair:
     """Discretise a fractional diffusion by Grünwald's formula, of such a weight on the left."""
 
     def pair(n: int) -> tuple[Array, Array]:
-        g = np.concatenate([[1.0], np.cumprod(1.0 - (alpha + 1.0) / np.arange(1.0, n + 1))])
-        column, row = -g[1:], np.zeros(n)
-        row[:2] = -g[1::-1][:n]
+        column, row = grunwald_coefficients(alpha, n)
         c, r = left * column + (1 - left) * row, left * row + (1 - left) * column
-        c[0] = r[0] = 1e-3 - g[1]
+        c[0] = r[0] = column[0] + diagonal
         return c, r
 
     return pair
@@ -126,23 +121,17 @@ def _of_two_sides(column: Callable[[Array], Array], row: Callable[[Array], Array
     return pair
 
 
-def _deconvolution(k: Array) -> Array:
-    return 0.97**k * np.cos(0.3 * k) + 0.1 * (k == 0)
-
-
-def _convection(n: int) -> tuple[Array, Array]:
-    return _of_band(2.05, -1.3)(n), _of_band(2.05, -0.7)(n)
-
-
 NONSYMMETRIC: dict[str, Pair] = {
-    "fractional, α = 1.5": _fractional(1.5, 0.7),
-    "fractional, α = 1.8, one-sided": _fractional(1.8, 1.0),
+    "fractional, α = 1.5": fractional(1.5, 0.7),
+    "fractional, α = 1.8, one-sided": fractional(1.8, 1.0),
     "(1+k)^-1.1 | ½(1+k)^-2": _of_two_sides(
         lambda k: (1 + k) ** -1.1, lambda k: (1 + k) ** -2.0 / 2
     ),
-    "convection-diffusion": _convection,
+    "convection-diffusion": lambda n: (_of_band(2.05, -1.3)(n), _of_band(2.05, -0.7)(n)),
     "1/(1+k) | (-1)^k/(1+k)": _of_two_sides(lambda k: 1 / (1 + k), lambda k: (-1.0) ** k / (1 + k)),
-    "deconvolution + 0.1": _of_two_sides(_deconvolution, lambda k: 0.6**k),
+    "deconvolution + 0.1": _of_two_sides(
+        lambda k: 0.97**k * np.cos(0.3 * k) + 0.1 * (k == 0), lambda k: 0.6**k
+    ),
 }
 
 
@@ -180,17 +169,9 @@ def _distance(theta: Array) -> Array:
     return np.abs(np.angle(np.exp(1j * (theta - 1.0))))
 
 
-def _modulated(k: Array) -> Array:
-    return 0.99**k * np.exp(0.7j * k) + 0.01 * (k == 0)
-
-
 def _plane_waves(k: Array) -> Array:
     waves = ((10.0, 0.3), (5.0, 1.1), (1.0, -2.0))
     return sum((power * np.exp(1j * f * k) for power, f in waves), 1.0 * (k == 0))
-
-
-def _modulated_noise(n: int) -> Array:
-    return column("fGn, H = 0.9", n) * np.exp(1j * np.arange(n))
 
 
 def _nonuniform_fourier(n: int) -> Array:
@@ -212,11 +193,11 @@ def _nonuniform_fourier(n: int) -> Array:
 
 HERMITIAN: dict[str, Pair] = {
     "exp(sin θ + cos 3θ)": _of_real_symbol(lambda t: np.exp(np.sin(t) + np.cos(3 * t))),
-    "0.99^k, modulated": _hermitian(_of_lags(_modulated)),
+    "0.99^k, modulated": _hermitian(_of_lags(lambda k: 0.99**k * np.exp(0.7j * k), 0.01)),
     "|θ - 1|": _of_real_symbol(_distance),
     "|θ - 1|^1.5": _of_real_symbol(lambda t: _distance(t) ** 1.5),
     "three plane waves + noise": _hermitian(_of_lags(_plane_waves)),
-    "fGn, modulated": _hermitian(_modulated_noise),
+    "fGn, modulated": _hermitian(lambda n: column("fGn, H = 0.9", n) * np.exp(1j * np.arange(n))),
     "nonuniform Fourier": _hermitian(_nonuniform_fourier),
 }
 
@@ -236,14 +217,7 @@ def _shifted(name: str, shift: float) -> Pair:
     return pair
 
 
-SHIFTS = (
-    ("2 - 2 cos θ", 1.01),
-    ("2 - 2 cos θ", 0.1),
-    ("|θ|", 1.0),
-    ("contact", 0.3),
-    ("0.9^k", 0.5),
-    ("0.9^k", 0.06),
-)
+SHIFTS = {"2 - 2 cos θ": (1.01, 0.1), "|θ|": (1.0,), "contact": (0.3,), "0.9^k": (0.5, 0.06)}
 INDEFINITE: dict[str, Pair] = {
-    f"{name} - {shift:g}": _shifted(name, shift) for name, shift in SHIFTS
+    f"{name} - {shift:g}": _shifted(name, shift) for name in SHIFTS for shift in SHIFTS[name]
 }

@@ -194,11 +194,13 @@ def form(row: Row) -> Row:
     cells = report.format_cells(row, {"violation": ".0e", "cpu_s": ".2f"})
     several = row.get("products", "")
     products = several if len(several) < 16 else f"{several[:12]} …"
-    return (
-        {"case": row["case"], "N": row["N"], "products": products}
-        | cells
-        | {"errors": row["errors"]}
-    )
+    return {
+        "case": row["case"],
+        "N": row["N"],
+        "products": products,
+        **cells,
+        "errors": row["errors"],
+    }
 
 
 @report.interruptible

@@ -29,6 +29,7 @@ from toeplitz_mg.contact import (
 )
 
 PART = 0.6  # Of the contact of Carter's cylinder that sticks.
+FORCE = (1.0 - PART**2) * MU * np.pi * A**2 / 4.0  # That it carries.
 # Coefficients of a circle, ν = 1/4, by Kalker (1990).
 KALKER = {"C11": 4.12, "C22": 3.67, "C23": 1.47, "C33": 1.19}
 CREEPAGE = 1e-3  # Creepage of Kalker's problems; bonded rolling is linear in it.
@@ -58,17 +59,12 @@ METALS = Material.from_shear(23000.0, 0.31), Material.from_shear(82000.0, 0.28)
 RADIUS, LOAD = 25.0, 16.2019
 # μ, the force over μ times the load, and the creepage that another program prints for it.
 CREEPAGES = (
-    (10.0, 0.0, 3.591e-4),
-    (0.05, 0.0, 4.294e-4),
-    (0.05, 0.75, 5.392e-4),
-    (0.05, -0.75, 2.108e-4),
+    *((10.0, 0.0, 3.591e-4), (0.05, 0.0, 4.294e-4)),
+    *((0.05, 0.75, 5.392e-4), (0.05, -0.75, 2.108e-4)),
 )
 # A soft sphere that is pressed on a rigid plane in 35 steps (Spence; Kalker 1990, Figure 5.25).
-SPHERE, SPHERE_MU, STEPS = (
-    (Material.from_shear(0.5, 0.0), Material.from_shear(1e5, 0.0)),
-    0.2986,
-    35,
-)
+SPHERE, SPHERE_MU = (Material.from_shear(0.5, 0.0), Material.from_shear(1e5, 0.0)), 0.2986
+STEPS = 35
 SPENCE = {"contact": 921, "stick": 225, "slip": 696, "peak": 0.02392, "approach": 0.09874}
 
 
@@ -101,7 +97,7 @@ def against_carter(result: TangentialResult, x: Array, bound: Array) -> Solved:
     errors = {
         "a′": result.stick_area / (2.0 * PART * A) - 1.0,
         "ξ": -result.creepages / (MU * A * (1.0 - PART)) - 1.0,
-        "F": result.force / ((1.0 - PART**2) * MU * np.pi * A**2 / 4.0) - 1.0,
+        "F": result.force / FORCE - 1.0,
         "traction": rms(result, theory),
     }
     return Solved([result], errors, theory, bound=bound)
@@ -119,8 +115,7 @@ def carter(N: int) -> Solved:
 def carter_by_force(N: int) -> Solved:
     """The same, by the force that it carries: its creepage is found."""
     x, g, h = carter_bound(N)
-    force = (1.0 - PART**2) * MU * np.pi * A**2 / 4.0
-    solved = against_carter(rolling(bound=g, element=h, material=UNIT, force=force), x, g)
+    solved = against_carter(rolling(bound=g, element=h, material=UNIT, force=FORCE), x, g)
     del solved.errors["F"]
     return solved
 
@@ -139,8 +134,7 @@ def carter_falling(N: int) -> Solved:
 def carter_from_rest(N: int) -> Solved:
     """A cylinder that is held by a force and begins to roll: after two contacts it is Carter's."""
     x, g, h = carter_bound(N)
-    force = (1.0 - PART**2) * MU * np.pi * A**2 / 4.0
-    case: dict[str, Any] = {"element": h, "material": UNIT, "force": force}
+    case: dict[str, Any] = {"element": h, "material": UNIT, "force": FORCE}
     steps = rolling_steps(
         bound=g, steps=round(4.0 * A / h), previous=friction(bound=g, **case), **case
     )
@@ -158,11 +152,9 @@ def kalker(N: int) -> Solved:
     r = np.hypot(*surfaces.centres((N, N), (h, h)))
     g = np.where(r < A, np.inf, 0.0)
     names = ("longitudinal", "lateral", "spin")
-    creepages: list[dict[str, Any]] = [{name: CREEPAGE} for name in names]
-    results = [
-        rolling(bound=g, element=(h, h), material=Material.from_shear(1.0, 0.25), **creepage)
-        for creepage in creepages
-    ]
+    case: dict[str, Any] = {"bound": g, "element": (h, h)}
+    case["material"] = Material.from_shear(1.0, 0.25)
+    results = [rolling(**case, **{name: CREEPAGE}) for name in names]
     # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ), M = -G a⁴ C33 φ
     longitudinal, lateral, spin = results
     assert spin.moment is not None
