@@ -40,7 +40,7 @@ SIZES: tuple[int, ...] = tuple(2**k for k in (12, 14, 16, 18, 20))
 GAP_SIZES: tuple[int, ...] = tuple(2**k for k in (12, 15, 16))
 QUICK_SIZES = (2**10,)
 # Points, how many are missing, and how many of these in one gap.
-GAPS = [(4383, 541, 200), (10_000, 1984, 200), (65_536, 1000, 1000)]
+GAPS = [(4383, 541, 200), (10_000, 1984, 200), (20_000, 4000, 0), (65_536, 1000, 1000)]
 QUICK_GAPS = [(700, 100, 40)]
 RIVAL_SIZES: tuple[int, ...] = tuple(10**k for k in (3, 4, 5, 6))
 LENGTH = 20.0  # Of the exponential covariance.

@@ -154,7 +154,7 @@ def kalker(N: int) -> Solved:
     names = ("longitudinal", "lateral", "spin")
     case: dict[str, Any] = {"bound": g, "element": (h, h)}
     case["material"] = Material.from_shear(1.0, 0.25)
-    results = [rolling(**case, **{name: CREEPAGE}) for name in names]
+    results = [rolling(**(case | {name: CREEPAGE})) for name in names]
     # F_x = -G a² C11 ξ, F_y = -G a² (C22 η + a C23 φ), M = -G a⁴ C33 φ
     longitudinal, lateral, spin = results
     assert spin.moment is not None

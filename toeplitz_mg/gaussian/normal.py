@@ -254,9 +254,9 @@ class ToeplitzNormal:
         Raises
         ------
         ValueError
-            Where `y` is not finite at points that are observed, or has another shape. Where more
-            points are observed of a field, or of a series of which more than 4096 points are
-            missing or whose noise differs by point, than a dense matrix in a quarter of the memory.
+            Where `y` is not finite at points that are observed, or has another shape. For a
+            field, a series with more than 4096 points missing, and noise that differs by point:
+            where more are observed than a dense matrix in a quarter of the memory has rows.
         numpy.linalg.LinAlgError
             Where the covariance is not positive definite.
 

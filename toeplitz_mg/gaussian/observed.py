@@ -17,7 +17,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import next_fast_len
 from scipy.linalg import LinAlgWarning, cho_factor, cho_solve, solve_triangular
-from scipy.linalg.lapack import dlauum, dpotrf, dpotri, dtrtri
+from scipy.linalg.lapack import dpotrf, dpotri, dtrtri
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import LinearOperator
 
@@ -156,12 +156,20 @@ class Gaps:
         """L⁻¹, by which B⁻¹ = L⁻ᵀ L⁻¹ is the covariance of what is missing, given the rest."""
         return np.triu(dtrtri(self._factor, lower=1)[0].T).T
 
+    @cached_property
+    def _upper(self) -> Array:
+        """B⁻¹ on and above its diagonal; below anything."""
+        return dpotri(self._factor, lower=1)[0].T
+
     def inverse(self) -> Array:
         """Return B⁻¹."""
-        return self._root.T @ self._root
+        upper = np.triu(self._upper)
+        return upper + np.triu(upper, 1).T
 
     def variances(self) -> Array:
         """Return the variances of what is missing, given what is observed."""
+        if "_upper" in self.__dict__:  # It is known already, and else takes twice as long.
+            return self._upper.diagonal().copy()
         return np.vecdot(self._root.T, self._root.T)
 
     def inverse_diagonal(self) -> Array:
@@ -189,7 +197,7 @@ class Gaps:
         dx = -A⁻¹ dA x.
         """
         x = self.whole.column.x
-        by_x = by_column(x, self.missing, dlauum(self._root, lower=1)[0].T)
+        by_x = by_column(x, self.missing, self._upper)
         circle = circle_of(2 * len(x) - 1, x.dtype)
         p, q = circle.values(x), circle.values(self.whole.column.solve(by_x[np.newaxis])[0])
         lost = circle.coefficients(p.real * q.real + p.imag * q.imag, len(x))
