@@ -4,8 +4,8 @@ A test calls `assert_within_budget` with a case and what it has counted. A budge
 was measured when the table was written, and at least 3 more, so that rounding on another processor
 does not fail a test, but a method that has become worse does.
 
-``python -m tests.budgets`` runs the tests that have budgets, writes budgets.txt anew, and prints each
-budget that has grown; with names of test files it does so for their cases alone.
+``python -m tests.budgets`` runs the tests that have budgets, writes them anew, in budgets.txt, and
+prints what has grown; with names of test files it does so for their cases alone.
 """
 
 import functools
