@@ -43,7 +43,8 @@ def assert_same_work(comm, own, alone):
 
     Each does all that there is on small grids, where a nested search has many of its products.
     """
-    assert abs(own.products - alone.products) <= 0.2 * alone.products
+    # By rounding the last step may be one more, of two products.
+    assert abs(own.products - alone.products) <= max(2, 0.2 * alone.products)
     assert len(set(comm.allgather(own.work))) == 1
     assert 0.7 * alone.work <= own.work <= (1.0 + 0.3 * comm.size) * alone.work
 
