@@ -30,14 +30,6 @@ def covariance_information(known: Observed, derivatives: Array) -> Array:
     return 0.5 * (information + information.T)
 
 
-def approximate_information(known: Observed, derivatives: Array) -> Array:
-    """Return an approximation that a search can use: with gaps that without, times a share."""
-    if isinstance(known, Gaps):
-        share = 1.0 - len(known.missing) / known.whole.A.shape[0]
-        return share * covariance_information(known.whole, derivatives)
-    return covariance_information(known, derivatives)
-
-
 def information_of_contrasts(known: Observed, Z: Rows, inside: Mask, derivatives: Array) -> Array:
     """Return by how much restricted likelihood has less information than likelihood.
 

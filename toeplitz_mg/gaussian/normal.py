@@ -177,10 +177,10 @@ class ToeplitzNormal:
         -----
         The coefficients of the mean are those of generalised least squares for each covariance. The
         parameters of the covariance, their logarithms where they have a bound, are found by
-        `scipy.optimize.minimize` in a trust region, with exact derivatives and Fisher's information
-        tr(A⁻¹ ∂ᵢA A⁻¹ ∂ⱼA)/2 as the curvature: without gaps in O(n log n), as the sums of the
-        diagonals of A⁻¹ and their derivatives are bilinear in x = A⁻¹e₁ and its derivative. The
-        variance need not start near its estimate.
+        `scipy.optimize.minimize` in a trust region, with exact derivatives and, as the curvature,
+        the average information of AI-REML. The variance need not start near its estimate. Fisher's
+        information tr(A⁻¹ ∂ᵢA A⁻¹ ∂ⱼA)/2, of which standard errors are made, is exact: without gaps
+        in O(n log n), as the sums of the diagonals of A⁻¹ are bilinear in x = A⁻¹e₁.
 
         Examples
         --------
@@ -202,7 +202,7 @@ class ToeplitzNormal:
                                 coef   std err         z     P>|z|    [0.025    0.975]
         ------------------------------------------------------------------------------
         0.variance            3.6929     0.551     6.707     0.000     2.757     4.946
-        0.length              7.5963     1.550     4.901     0.000     5.093    11.331
+        0.length              7.5964     1.550     4.901     0.000     5.093    11.331
         1.variance            0.9778     0.113     8.624     0.000     0.779     1.227
         mean                  4.7999     0.271    17.684     0.000     4.268     5.332
         ==============================================================================
