@@ -1,5 +1,6 @@
 """The command line: what it prints, writes and refuses."""
 
+import json
 import os
 import subprocess
 import sys
@@ -52,7 +53,7 @@ def test_the_papers_problem_and_its_convergence(capsys):
 
 
 def test_the_main_job_of_a_million_unknowns(capsys):
-    assert main([]) == 0
+    assert main(["paper"]) == 0
     ours, papers = figures(capsys.readouterr().out)
     assert int(ours[0]) <= 4
     assert float(ours[2]) <= 20.0
@@ -244,7 +245,7 @@ def test_a_column_in_single_precision_is_solved_to_the_usual_residual(folder):
 
 def test_options_count_on_both_sides_of_the_command(folder, capsys):
     names = [str(folder / name) for name in ("c.npy", "b.npy")]
-    command = ["solve", *names, "-o", str(folder / "x.npy")]
+    command = ["solve", *names, "-o", str(folder / "x.npy"), "--overwrite"]
     assert main(["--solver", "cg", "--rtol", "1e-3", *command]) == 0
     assert "CG with" in capsys.readouterr().out
     assert main(["--maxiter", "1", *command, "--rtol", "1e-12", "--solver", "cg"]) in (0, 1)
@@ -300,7 +301,7 @@ def test_pictures_have_the_dots_that_are_asked_for(command, tmp_path):
     picture = tmp_path / "x.png"
     assert main([*command, "--plot", str(picture), "--dpi", "40"]) == 0
     few = width_of(picture)
-    assert main([*command, "--plot", str(picture), "--dpi", "80"]) == 0
+    assert main([*command, "--plot", str(picture), "--dpi", "80", "--overwrite"]) == 0
     assert width_of(picture) == 2 * few
 
 
@@ -350,7 +351,7 @@ def test_a_mask_of_zeros_and_ones(folder):
     assert solve(folder, *options) == 0
     for dtype in (int, float, np.uint8):
         np.save(folder / "mask.npy", mask.astype(dtype))
-        assert solve(folder, *options, x="y.npy") == 0
+        assert solve(folder, *options, "--overwrite", x="y.npy") == 0
         assert np.array_equal(np.load(folder / "x.npy"), np.load(folder / "y.npy"))
 
 
@@ -375,7 +376,7 @@ def test_files_of_text(folder, ending, mark):
     assert np.array_equal(np.loadtxt(folder / out), np.load(folder / "x.npy"))
     np.savetxt(folder / f"c2.{ending}", contact(12, 10), delimiter=mark)
     np.savetxt(folder / f"b2.{ending}", np.ones((12, 10)), delimiter=mark)
-    assert solve(folder, column=f"c2.{ending}", rhs=f"b2.{ending}", x=out) == 0
+    assert solve(folder, "--overwrite", column=f"c2.{ending}", rhs=f"b2.{ending}", x=out) == 0
     assert np.loadtxt(folder / out).shape == (120,)
 
 
@@ -407,8 +408,12 @@ def test_text_that_is_no_table_is_refused_in_one_line(folder, text, message, cap
         (["--bogus=5"], "", "unrecognized arguments: --bogus"),
         (["--bogus", "solve", "c.npy"], "", "unrecognized arguments: --bogus"),
         (["solve", "c.npy", "b.npy", "-o", "x.npy", "--nonsense"], "solve ", "s: --nonsense"),
-        (["contact", "hertz", "--nonsense"], "contact ", "unrecognized arguments: --nonsense"),
-        (["contact"], "contact ", "required: case"),
+        (
+            ["contact", "hertz", "--nonsense"],
+            "contact hertz ",
+            "unrecognized arguments: --nonsense",
+        ),
+        (["contact"], "contact ", "required: CASE"),
     ],
 )
 def test_an_error_shows_the_usage_of_its_command(given, usage, message, capsys):
@@ -416,5 +421,36 @@ def test_an_error_shows_the_usage_of_its_command(given, usage, message, capsys):
         main(given)
     assert caught.value.code == 2
     printed = capsys.readouterr().err
-    assert printed.startswith(f"usage: toeplitz-mg {usage}[-h]")
+    assert printed.startswith(f"usage: toeplitz-mg {usage}[options]")
+    assert printed.count("\n") == 3
     assert message in printed
+
+
+def test_bare_it_shows_the_help_and_options_alone_are_of_the_paper(capsys):
+    assert main([]) == 0
+    assert "{paper,solve,contact}" in capsys.readouterr().out
+    assert main(["-n", "300", "--json"]) == 0
+    bare = json.loads(capsys.readouterr().out)
+    assert main(["paper", "-n", "300", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["residuals"] == bare["residuals"]
+
+
+def test_a_file_is_replaced_where_that_is_asked_for(folder, capsys):
+    assert solve(folder) == 0
+    capsys.readouterr()
+    first = (folder / "x.npy").read_bytes()
+    np.save(folder / "b.npy", np.ones(300))
+    assert_refused(solve(folder), "is there already: --overwrite", capsys)
+    assert (folder / "x.npy").read_bytes() == first
+    assert solve(folder, "--overwrite") == 0
+    assert (folder / "x.npy").read_bytes() != first
+
+
+def test_without_a_file_the_solution_is_printed(folder, capsys):
+    np.save(folder / "c.npy", [2.0, -1.0, 0.0])
+    np.save(folder / "b.npy", np.ones(3))
+    command = ["solve", str(folder / "c.npy"), str(folder / "b.npy")]
+    assert main(command) == 0
+    assert "[1.5 2.  1.5]" in capsys.readouterr().out
+    assert main([*command, "--json"]) == 0
+    assert_allclose(json.loads(capsys.readouterr().out)["solution"], [1.5, 2.0, 1.5])

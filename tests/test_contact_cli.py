@@ -1,6 +1,7 @@
 """The command contact: what it prints, writes and refuses."""
 
 import io
+import json
 import sys
 
 import numpy as np
@@ -138,7 +139,7 @@ def test_rolling_by_force_and_moment(capsys):
 
 def test_rolling_writes_its_fields(tmp_path):
     path = tmp_path / "x.npz"
-    assert run("rolling", "-n", "30", "--friction", "0.2", "--output", str(path)) == 0
+    assert run("rolling", "-n", "30", "--mu", "0.2", "--output", str(path)) == 0
     fields = read(path)
     rolled = rolling(
         bound=0.2 * fields["pressure"],
@@ -272,7 +273,7 @@ def test_a_surface_of_the_library_is_pressed(tmp_path, capsys):
     path = tmp_path / "heights.xyz"
     np.savetxt(path, np.stack([x.ravel(), y.ravel(), -1e3 * gap.ravel()], axis=1))
     written = tmp_path / "fields.npz"
-    options = ["--force", "2", "--unit", "um", "-o", str(written)]
+    options = ["--force", "2", "--unit", "um", "-o", str(written), "--overwrite"]
     assert run("rough", str(path), *options) == 0
     assert_allclose(read(written)["element"], element)
     capsys.readouterr()
@@ -347,7 +348,7 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
     x = 25.0 * np.arange(100)
     path, written = tmp_path / "scan.xyz", tmp_path / "fields.npz"
     np.savetxt(path, np.stack([x, -1e-4 * (x - x.mean()) ** 2], axis=1))
-    options = ["--force", "2", "--unit", "um", "-o", str(written)]
+    options = ["--force", "2", "--unit", "um", "-o", str(written), "--overwrite"]
     assert run("rough", str(path), *options) == 0
     assert "100 heights of a profile, in plane strain: forces are N/mm" in capsys.readouterr().out
     expected = normal_contact(1e-7 * (x - x.mean()) ** 2, 0.025, material=STEEL, force=2.0)
@@ -439,10 +440,10 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
         (["hertz", "--force", "1", "--approach", "1"], "--force and --approach are both given"),
         (["hertz", "--line", "--approach", "1"], "--approach is not for --line"),
         (["hertz", "--line", "--radius", "1", "2"], "--radius has several values, but --line"),
-        (["hertz", "--friction", "0.3"], "--friction is for shift and rolling, not hertz"),
-        (["shift", "--friction", "inf"], "--friction is inf: give --tangential or --shift"),
-        (["shift", "--friction", "nan"], "--friction is nan, but must be finite"),
-        (["shift", "--friction", "0"], "--friction is 0.0, but must be positive"),
+        (["hertz", "--friction", "0.3"], "--mu is for shift and rolling, not hertz"),
+        (["shift", "--mu", "inf"], "--mu is inf: give --tangential or --shift"),
+        (["shift", "--friction", "nan"], "--mu is nan, but must be finite"),
+        (["shift", "--friction", "0"], "--mu is 0.0, but must be positive"),
         (["shift", "--tangential", "3", "--shift", "1"], "--tangential and --shift are both"),
         (["shift", "--tangential", "18", "24.1"], "but friction carries 30 at most"),
         (["shift", "--spin", "1"], "--spin is for rolling, not shift"),
@@ -496,3 +497,18 @@ def test_abbreviations_and_what_is_no_option_are_refused(option, capsys):
         run("shift", *option)
     assert caught.value.code == 2
     assert f"unrecognized arguments: {option[0]}" in capsys.readouterr().err
+
+
+def test_help_of_a_case_has_its_options_only(capsys):
+    with pytest.raises(SystemExit):
+        run("rough", "--help")
+    shown = capsys.readouterr().out
+    assert "--hardness" in shown
+    assert not any(name in shown for name in ("--radius", "--spin", "--mu", "--friction"))
+
+
+def test_figures_as_json(capsys):
+    assert run("shift", "-n", "16", "--mu", "0.2", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert_allclose(found["tangential_force"], [10.0, 0.0], atol=1e-6)
+    assert_allclose(found["theory"]["force"], found["force"])

@@ -30,11 +30,11 @@ def folder(tmp_path, monkeypatch):
 
 
 def solve(x, *options):
-    return main(["solve", "c.npy", "b.npy", "-o", x, *options])
+    return main(["solve", "c.npy", "b.npy", "-o", x, "--overwrite", *options])
 
 
 def press(x, *options):
-    return main(["contact", "hertz", "-n", "16", "-o", x, *options])
+    return main(["contact", "hertz", "-n", "16", "-o", x, "--overwrite", *options])
 
 
 def solution():
@@ -212,7 +212,9 @@ assert codes == [2, 2], codes
 
 def test_a_full_disk_loses_no_file(folder):
     """What is longer than allowed is cut off by the system, in the middle of a file."""
-    lines = ["solve c.npy b.npy -o x.npy", "contact hertz -n 16 -o x.npz"]
+    lines = [
+        f"{c} --overwrite" for c in ("solve c.npy b.npy -o x.npy", "contact hertz -n 16 -o x.npz")
+    ]
     for name in ("x.npy", "x.npz"):
         (folder / name).write_bytes(b"precious")
     before = contents(folder)
@@ -299,4 +301,4 @@ def test_names_of_any_bytes_are_solved_printed_and_drawn(folder, capsys):
     for name in (os.fsdecode(b"\xff"), "a$b^^$"):
         os.link("c.npy", f"{name}.npy")
         command = ["solve", f"{name}.npy", "b.npy", "-o", "x.npy", "--plot", "x.png"]
-        assert main(command) == 0, capsys.readouterr().err
+        assert main([*command, "--overwrite"]) == 0, capsys.readouterr().err

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import toeplitz_mg as tmg
 from toeplitz_mg._typing import Preconditioner
@@ -31,12 +31,13 @@ PRECONDITIONERS: dict[str, Preconditioner] = {
     "sine": tmg.sine_preconditioner,
     "spectral": tmg.spectral_preconditioner,
 }
-PAPER, SOLVE = ("paper",), ("solve",)  # The commands for linear systems; the first has no name.
+PAPER, SOLVE = ("paper",), ("solve",)  # The commands for linear systems.
 LINEAR = (*PAPER, *SOLVE)
 SHIFT, ROLLING, ROUGH = ("shift",), ("rolling",), ("rough",)
 MOVED = (*SHIFT, *ROLLING)
 SMOOTH = ("hertz", *MOVED)  # The cases of Hertz's bodies.
 CASES = (*SMOOTH, *ROUGH)
+HIDDEN = argparse.SUPPRESS  # The help of an option that no help shows.
 FORCE = 100.0  # Normal force, N or N/mm, where neither it nor the approach is given.
 # A number and no option: argparse itself does not know that one may have an exponent.
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
@@ -95,7 +96,7 @@ TYPES |= {"switch": None}
 OF_LINEAR = {
     "test": Option("whole", PAPER, 1, "problem (default: 1)"),
     "n": Option("whole", PAPER, 2**20, "number of elements (default: 2^20)"),
-    "output": Option("file", SOLVE, None, "solution"),
+    "output": Option("file", SOLVE, None, "solution (default: it is printed)"),
     "mask": Option("file", SOLVE, None, "where A is restricted to: true or 1"),
     "solver": Option("word", LINEAR, "multigrid",
         "multigrid cycles, Richardson with a preconditioner, or conjugate gradients "
@@ -113,6 +114,8 @@ OF_LINEAR = {
         "start from a random guess, as the paper does, not from zero"),
     "plot": Option("file", LINEAR, None, "draw solution and convergence"),
     "dpi": Option("whole", LINEAR, 150, "dots an inch of it (default: 150)"),
+    "overwrite": Option("switch", LINEAR, None, "replace files that are there already"),
+    "json": Option("switch", LINEAR, None, "print the figures as JSON, and nothing else"),
 }
 OF_CONTACT = {
     "radius": Option("number 4 inf", SMOOTH, (10.0,),
@@ -139,7 +142,7 @@ OF_CONTACT = {
     "n": Option("whole", SMOOTH, 256, "elements along the longer side of the grid (default: 256)"),
     "size": Option("positive", SMOOTH, None,
         "longer side of the grid, mm (default: 1.3 times the contact of Hertz's theory)"),
-    "friction": Option("positive inf", MOVED, 0.3,
+    "mu": Option("positive inf", MOVED, 0.3,
         "coefficient of friction; inf bonds the bodies (default: 0.3)"),
     "tangential": Option("number 2", MOVED, None,
         "tangential force along x, or x and y, N or N/mm (default of shift: half of what friction "
@@ -171,6 +174,8 @@ OF_CONTACT = {
     "output": Option("file", CASES, None, "write the fields, as arrays by name"),
     "plot": Option("file", CASES, None, "draw the tractions and the areas of stick and slip"),
     "dpi": Option("whole", CASES, 150, "dots an inch of the picture (default: 150)"),
+    "overwrite": OF_LINEAR["overwrite"]._replace(cases=CASES),
+    "json": OF_LINEAR["json"]._replace(cases=CASES),
 }
 # fmt: on
 MOST_THREADS = 1024  # More than any one machine has cores.
@@ -185,6 +190,14 @@ MORE: dict[str, dict[str, Any]] = {  # More that argparse is told.
 }
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
 SHORT = {"n": ("-n",), "output": ("-o", "--output")}
+# Other names of options, which no help shows: what they were called, or as functions call them.
+OTHERS = {"mu": "--friction", "tangential": "--tangential-force"}
+OF_CASE = {  # What each case does.
+    "hertz": "press a sphere, an ellipsoid or a cylinder on a flat",
+    "shift": "press it, then shift it with Coulomb friction",
+    "rolling": "press it, and let it roll steadily with Coulomb friction",
+    "rough": "press a measured surface, from a file of heights, on a flat",
+}
 # What else values must be, of options for linear systems and of those for contact.
 RULES_OF_LINEAR: Rules = {
     "n": (lambda n: n <= 2**40, f"be at most {2**40}"),  # No memory holds a vector of 8 TiB.
@@ -216,7 +229,7 @@ EXCLUSIVE = (
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser without abbreviations, whose errors show the usage of the command that was given.
+    """A parser without abbreviations, whose errors show a short usage of the command.
 
     Without defaults an option counts wherever it stands, and a stray one is seen. There are no
     abbreviations: --n would be taken for --nu.
@@ -238,22 +251,37 @@ class Parser(argparse.ArgumentParser):
         given, rest = self.parse_known_args(words)
         if rest:
             command = self.commands.get(getattr(given, "command", None) or "", self)
+            command = command.commands.get(getattr(given, "case", ""), command)
             command.error(f"unrecognized arguments: {' '.join(rest)}")
         return given
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, how the command is called, and where its options are listed."""
+        shown = [a for a in self._actions if not a.option_strings and a.help != HIDDEN]
+        words = [self.prog, "[options]", *(str(a.metavar) for a in shown)]
+        self.exit(
+            2,
+            f"usage: {' '.join(words)}\n{self.prog}: error: {message}\n"
+            f"{self.prog} --help lists the options\n",
+        )
 
 
 def parser() -> Parser:
     """Return the parser of the command line."""
     main = Parser(
         prog="toeplitz-mg",
-        description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
-        "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother. "
-        "The command solve takes a system of your own, the command contact solves a contact "
-        "problem.",
-        epilog=EXIT_STATUS,
+        description="Fast solvers for dense Toeplitz systems, and contact mechanics.",
+        epilog="Options without a command are those of paper. " + EXIT_STATUS,
     )
     main.add_argument("--version", action="version", version=f"toeplitz-mg {tmg.__version__}")
-    commands = main.add_subparsers(dest="command", metavar="{solve,contact}")
+    commands = main.add_subparsers(dest="command", metavar="{paper,solve,contact}")
+    paper = commands.add_parser(
+        "paper",
+        help="solve a problem of the paper",
+        description="Solve a contact problem of Zhao, Vollebregt and Oosterlee (2014): by default "
+        "test 1 with 2^20 unknowns, by the V(0,1) cycle with the FFT+RSM smoother.",
+        epilog=EXIT_STATUS,
+    )
     solve = commands.add_parser(
         "solve",
         help="solve a system of your own",
@@ -270,47 +298,68 @@ def parser() -> Parser:
     contact = commands.add_parser(
         "contact",
         help="contact of two elastic bodies",
-        description="Press a sphere, an ellipsoid or a cylinder on a flat "
-        "(hertz), shift it then with Coulomb friction (shift), or roll it steadily (rolling); or "
-        "press a measured surface, from a FILE of heights, on a flat (rough). Units are N and mm.",
-        epilog="Files are written whole or not at all, and only where the solver has converged. "
-        + EXIT_STATUS,
+        description="Solve a contact problem. Units are N and mm.",
+        epilog=EXIT_STATUS,
     )
-    contact.add_argument("case", choices=CASES, help="what to do")
-    contact.add_argument(
-        "file",
-        nargs="?",
-        type=Path,
-        default=None,
-        metavar="FILE",
-        help="rough: heights, positive at summits; .npy, a table of text, or what "
-        "SurfaceTopography reads; a single column is a profile",
-    )
-    for command, of_case in ((main, "paper"), (solve, "solve")):
-        group = command.add_argument_group("method")
+    for command, of_case in ((main, "paper"), (paper, "paper"), (solve, "solve")):
         for name, option in OF_LINEAR.items():
+            more = {"metavar": "X.npy"} if name == "output" else MORE.get(name, {})
             if of_case in option.cases:
-                of_both = option.cases == LINEAR
-                more = {"required": True, "metavar": "X.npy"} if name == "output" else {}
-                _add(group if of_both else command, name, option, MORE.get(name, more))
-    for name, option in OF_CONTACT.items():
-        more = {"metavar": METAVARS[name]} if name in METAVARS else {}
-        only = "" if option.cases in (CASES, SMOOTH) else f"{' and '.join(option.cases)}: "
-        _add(contact, name, option._replace(help=only + option.help), more)
-    for command in (main, solve, contact):
-        _add(command, "threads", THREADS, {})
-    main.commands = {"solve": solve, "contact": contact}
+                _add(command, name, option, more, shown=command is not main)
+    main.commands = {"paper": paper, "solve": solve, "contact": contact}
+    contact.commands = _add_cases(contact)
+    for command in (main, *main.commands.values(), *contact.commands.values()):
+        _add(command, "threads", THREADS, {}, shown=command not in (main, contact))
     return main
 
 
-def _add(parser: Any, name: str, option: Option, more: dict[str, Any]) -> None:
-    """Add an option to a parser, or to a group of one."""
-    special: dict[str, Any] = {"type": option.type} | more
+def _add_cases(contact: Parser) -> dict[str, Parser]:
+    """Add a parser for each case, and return them by name.
+
+    Each also takes the options of the others, which its help does not list: `_check` says which
+    case they are for. The command takes all of them before the name of the case.
+    """
+    found = {}
+    cases = contact.add_subparsers(dest="case", metavar="CASE", required=True)
+    for case, said in OF_CASE.items():
+        found[case] = cases.add_parser(
+            case,
+            help=said,
+            description=f"{said[0].upper()}{said[1:]}. Units are N and mm.",
+            epilog="Files are written whole or not at all, and only where the solver has "
+            "converged. " + EXIT_STATUS,
+        )
+        found[case].add_argument(
+            "file",
+            nargs="?",
+            type=Path,
+            default=None,
+            metavar="FILE",
+            help="heights, positive at summits; .npy, a table of text, or what SurfaceTopography "
+            "reads; a single column is a profile"
+            if case == "rough"
+            else HIDDEN,
+        )
+    for case, command in {"": contact, **found}.items():
+        for name, option in OF_CONTACT.items():
+            more = {"metavar": METAVARS[name]} if name in METAVARS else {}
+            _add(command, name, option, more, shown=case in option.cases)
+    return found
+
+
+def _add(
+    parser: Parser, name: str, option: Option, more: dict[str, Any], *, shown: bool = True
+) -> None:
+    """Add an option to a parser, whose help shows it or not."""
+    special: dict[str, Any] = {"type": option.type, "dest": name} | more
     if option.type is None:
-        special = {"action": "store_true"}
+        special = {"action": "store_true", "dest": name}
     elif option.most > 1:
         special |= {"nargs": "+", "metavar": name.upper()}
-    parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=option.help, **special)
+    said = option.help if shown else HIDDEN
+    parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=said, **special)
+    if name in OTHERS:
+        parser.add_argument(OTHERS[name], help=HIDDEN, **special)
 
 
 def take_threads(given: argparse.Namespace) -> int:
@@ -386,7 +435,7 @@ def complete_linear(given: argparse.Namespace) -> argparse.Namespace:
     _choose_method(given, options)
     _check(OF_LINEAR, RULES_OF_LINEAR, told, "solve" if is_solve else "paper")
     read = (options.column, options.rhs, options.mask)
-    files.check_files((options.output, options.plot), read)
+    files.check_files((options.output, options.plot), read, overwrite=bool(options.overwrite))
     return options
 
 
@@ -424,7 +473,8 @@ def complete_contact(given: argparse.Namespace) -> argparse.Namespace:
     case = options["case"]
     _check(OF_CONTACT, RULES_OF_CONTACT, options, case)
     _check_together(case, options)
-    files.check_files((options.get("output"), options.get("plot")), (options.get("file"),))
+    written = options.get("output"), options.get("plot")
+    files.check_files(written, (options.get("file"),), overwrite="overwrite" in options)
     defaults = {name: option.default for name, option in OF_CONTACT.items()}
     if "approach" not in options and case != "rough":
         defaults["force"] = FORCE
@@ -465,8 +515,8 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
     if case != "rough" and "file" in options:
         raise ValueError(f"a file, {options['file']}, is for rough, not {case}")
     has_load = "tangential" in options or "shift" in options
-    if case == "shift" and math.isinf(options.get("friction", 0.0)) and not has_load:
-        raise ValueError("--friction is inf: give --tangential or --shift, as nothing slides")
+    if case == "shift" and math.isinf(options.get("mu", 0.0)) and not has_load:
+        raise ValueError("--mu is inf: give --tangential or --shift, as nothing slides")
     if "line" not in options:
         return
     why = {

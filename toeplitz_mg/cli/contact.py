@@ -127,14 +127,14 @@ class Hertzian:
     def move(self, pressed: NormalResult, progress: Progress) -> TangentialResult:
         """Solve the tangential problem of the pressures."""
         o = self.options
-        common = {"mu": o.friction, "tolerance": o.tolerance, "progress": progress}
+        common = {"mu": o.mu, "tolerance": o.tolerance, "progress": progress}
         if o.case == "shift":
             return friction(pressed, **self.shift(pressed.force), **common)
         return rolling(pressed, **self.creepages, **common)
 
     def press_and_move(self, progress: Progress) -> FrictionalResult:
         """Solve both problems of unlike bodies."""
-        common = self.pressing | {"mu": self.options.friction, "progress": progress}
+        common = self.pressing | {"mu": self.options.mu, "progress": progress}
         shifts = self.options.case == "shift"
         motion = self.shift(self.theory.force) if shifts else self.creepages
         if "force" in motion:  # There is one of that name that presses.
@@ -162,7 +162,7 @@ class Hertzian:
         o = self.options
         if o.shift is not None:
             return {"shift": self.components(o.shift)}
-        return {"force": self.components(o.tangential or [0.5 * o.friction * force])}
+        return {"force": self.components(o.tangential or [0.5 * o.mu * force])}
 
     @property
     def creepages(self) -> dict[str, Any]:
@@ -183,7 +183,7 @@ class Hertzian:
         o = self.options
         if o.tangential is None:
             return
-        wanted, most = math.hypot(*o.tangential), o.friction * self.theory.force
+        wanted, most = math.hypot(*o.tangential), o.mu * self.theory.force
         # Where the approach is given, theory says the force, within the error of the grid.
         if o.case == "rolling" and wanted >= most:
             raise ValueError(
@@ -201,8 +201,8 @@ def _radii(o: argparse.Namespace) -> Any:
     return o.radius[0], math.inf if o.line else o.radius[-1]
 
 
-def run(given: argparse.Namespace) -> int:
-    """Run the command, and return the exit status."""
+def run(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
+    """Run the command, and return the exit status, and the figures by name."""
     options = complete_contact(given)
     case = Rough.of(options) if options.case == "rough" else Hertzian.of(options)
     print(case.title, flush=True)
@@ -212,7 +212,7 @@ def run(given: argparse.Namespace) -> int:
     except ContactError as error:
         print(f"\nNOT CONVERGED: {error}")
         _print_doubts([error.result])
-        return 1
+        return 1, {"converged": False, "message": str(error)}
     seconds = perf_counter() - start
     if options.output is not None:  # First, so that it does not depend on what can be printed.
         files.save_fields(options.output, fields(results))
@@ -222,7 +222,28 @@ def run(given: argparse.Namespace) -> int:
     if options.plot is not None:
         files.plot_contact(options.plot, options.dpi, case.title, results)
         print(f"drawn in {options.plot}")
-    return 0
+    return 0, {"converged": True, "seconds": seconds} | _figures(case, results)
+
+
+def _figures(case: Hertzian | Rough, results: Mapping[str, ContactResult]) -> dict[str, Any]:
+    """Return what is printed, by the names of the fields of results."""
+    pressed, tangential = results[PRESSURE], results.get(TANGENTIAL)
+    found: dict[str, Any] = {
+        "products": [result.products for result in results.values()],
+        "residual": [result.residual for result in results.values()],
+        "warnings": [*dict.fromkeys(doubt for r in results.values() for doubt in r.warnings)],
+        "force": pressed.force,
+        "approach": pressed.rigid,
+        "max_pressure": pressed.magnitude.max(),
+        "area": pressed.area,
+    }
+    if tangential is not None:
+        found |= {"tangential_force": tangential.force, "rigid": tangential.rigid}
+        found |= {"moment": tangential.moment, "power": tangential.power}
+    if isinstance(case, Hertzian):
+        names = "force", "approach", "max_pressure", "area"
+        found["theory"] = {name: getattr(case.theory, name) for name in names}
+    return found
 
 
 def fields(results: Mapping[str, ContactResult]) -> dict[str, Any]:
@@ -296,7 +317,7 @@ def _tangential_figures(
 ) -> list[tuple[str, Any, Any]]:
     assert result.stick is not None
     o, (a, _) = case.options, case.theory.half_axes
-    carried = o.friction * pressed.force
+    carried = o.mu * pressed.force
     # Free rolling leaves no force, beside which its rounding would look like one.
     is_force = np.abs(result.force) > o.tolerance * min(carried, pressed.force)
     along = np.where(is_force, result.force, 0.0)
@@ -309,7 +330,7 @@ def _tangential_figures(
         left = 1.0 - part
         sticks = (left if left > SLIDES else 0.0) ** (0.5 if o.line else 2.0 / 3.0)
     elif o.line:  # Carter's theory says both.
-        sticks = max(0.0, 1.0 - abs(result.rigid) * o.radius[0] / (o.friction * a))
+        sticks = max(0.0, 1.0 - abs(result.rigid) * o.radius[0] / (o.mu * a))
         force = 1.0 - sticks**2
     rigid = "shift [mm]"
     if o.case == "rolling":

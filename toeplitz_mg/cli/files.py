@@ -24,16 +24,22 @@ from toeplitz_mg.whole_files import (
 STANDARD_OUTPUT = 1  # File descriptor of where the report is printed.
 
 
-def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
+def check_files(
+    written: Sequence[Path | None], read: Sequence[Path | None], *, overwrite: bool
+) -> None:
     """Refuse, before any work, files that cannot be written or serve for something else.
 
     Parameters
     ----------
     written, read : sequence of Path or None
         The files to be written, and those that are read; None stands for no file.
+    overwrite : bool
+        Whether files that are there are replaced.
 
     Raises
     ------
+    FileExistsError
+        Where one of them is there, and is not to be replaced.
     OSError
         Where a file could not be written.
     ValueError
@@ -49,6 +55,9 @@ def check_files(written: Sequence[Path | None], read: Sequence[Path | None]) -> 
             if _is_same(path, other):
                 raise ValueError(f"{path} is the same file as {other}, but that one is read")
         wanted.append(path)
+        old = find_status(path)
+        if old is not None and stat.S_ISREG(old.st_mode) and not overwrite:
+            raise FileExistsError(f"{path} is there already: --overwrite replaces it")
 
 
 def _check_writable(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Linear systems: those of the paper, `toeplitz-mg`, and those of files, `toeplitz-mg solve`."""
+"""Linear systems: those of the paper, `toeplitz-mg paper`, and of files, `toeplitz-mg solve`."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -91,8 +91,8 @@ class Progress:
         self.seconds += perf_counter() - start
 
 
-def run_paper(given: argparse.Namespace) -> int:
-    """Run the command, and return the exit status."""
+def run_paper(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
+    """Run the command, and return the exit status, and the figures by name."""
     options = complete_linear(given)
     problem = TESTS[options.test](options.n)
     title = f"Test {options.test} of the paper with {options.n} elements"
@@ -100,8 +100,8 @@ def run_paper(given: argparse.Namespace) -> int:
     return _run(system, options, lambda label: _format_published(label, options))
 
 
-def run_solve(given: argparse.Namespace) -> int:
-    """Run the command, and return the exit status."""
+def run_solve(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
+    """Run the command, and return the exit status, and the figures by name."""
     options = complete_linear(given)
     A: LinearOperator = tmg.ToeplitzOperator(_load_real(options.column))
     if options.mask is not None:
@@ -125,8 +125,8 @@ def _run(
     system: System,
     options: argparse.Namespace,
     of_others: Callable[[str], str] = lambda label: "",
-) -> int:
-    """Solve a system, and return the exit status.
+) -> tuple[int, dict[str, Any]]:
+    """Solve a system, and return the exit status, and the figures by name.
 
     `of_others` gives a line of the report that stands for what others have found, or nothing.
     """
@@ -150,11 +150,33 @@ def _run(
             advice = f"--maxiter {options.maxiter} is used up: allow more iterations"
         others = "" if options.solver == "cg" else ", or --solver cg"
         print(f"{advice}, or take another --preconditioner{others}")
+    figures = _figures(solution, setup)
     if written:
         print(f"written to {options.output}")
+    elif solution.converged and options.column is not None:
+        figures["solution"] = _print_solution(system.on_its_grid(solution.x))
     if options.plot is not None:
         system.plot(solution.x, solution.residuals, options.plot, options.dpi)
-    return 0 if solution.converged else 1
+    return (0 if solution.converged else 1), figures
+
+
+def _figures(solution: Solution, setup: float) -> dict[str, Any]:
+    """Return what is printed of a solution, by name."""
+    return {
+        "converged": solution.converged,
+        "residual": solution.residual,
+        "iterations": len(solution.residuals) - 1,
+        "work_units": solution.units,
+        "seconds": solution.seconds,
+        "setup_seconds": setup,
+        "residuals": solution.residuals,
+    }
+
+
+def _print_solution(x: Array) -> Array:
+    """Print the solution where no file takes it, of many unknowns the first and the last."""
+    print(f"\nsolution\n{np.array2string(x, threshold=1000)}")
+    return x
 
 
 def _check_right_hand_side(b: Array) -> None:
@@ -163,15 +185,18 @@ def _check_right_hand_side(b: Array) -> None:
         raise ValueError("the norm of the right-hand side is not a number of float64: scale it")
 
 
-def _answer_zero(system: System, options: argparse.Namespace) -> int:
-    """Write the solution of A x = 0, and return the exit status."""
+def _answer_zero(system: System, options: argparse.Namespace) -> tuple[int, dict[str, Any]]:
+    """Write the solution of A x = 0, and return the exit status, and the figures by name."""
+    figures: dict[str, Any] = {"converged": True, "residual": 0.0, "iterations": 0}
     print(f"{system.title}\n\nconverged: the right-hand side is zero, and so is the solution")
     if options.output is not None:
         files.save(options.output, system.on_its_grid(system.b))
         print(f"written to {options.output}")
+    elif options.column is not None:
+        figures["solution"] = _print_solution(system.on_its_grid(system.b))
     if options.plot is not None:
         system.plot(system.b, [], options.plot, options.dpi)
-    return 0
+    return 0, figures
 
 
 def _set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperator | None, str]:

@@ -1,9 +1,10 @@
 """The command line: which subcommand runs, and how it ends."""
 
+import io
 import sys
 import warnings
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import nullcontext, redirect_stdout, suppress
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,7 @@ from toeplitz_mg.cli import contact, linear, report
 from toeplitz_mg.cli.arguments import parser, take_threads
 
 BROKEN_PIPE = 141  # Exit status: 128 and the number of SIGPIPE, which ends other programs so.
-COMMANDS = {None: linear.run_paper, "solve": linear.run_solve, "contact": contact.run}
+COMMANDS = {"paper": linear.run_paper, "solve": linear.run_solve, "contact": contact.run}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -36,11 +37,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         startup.raise_again()
         report.print_any_character()
         given = parser().parse_command(arguments)
+        if not any(value is not None for value in vars(given).values()):  # Nothing is asked for.
+            parser().print_help()
+            return 0
+        is_json = vars(given).get("json", False)
         writes_files = getattr(given, "output", None) or getattr(given, "plot", None)
         with report.outlasting_its_reader(bool(writes_files)) as reader:
             with warnings.catch_warnings(), fft.set_workers(take_threads(given)):
                 warnings.showwarning = partial(_print_warning, warnings.showwarning)
-                status = COMMANDS[given.command](given)
+                with redirect_stdout(io.StringIO()) if is_json else nullcontext():
+                    status, figures = COMMANDS[given.command or "paper"](given)
+            if is_json:
+                print(report.write_json(figures))
             print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
         return status if reader.is_there else status or BROKEN_PIPE
     except BrokenPipeError:  # Who reads the report has read enough, as `head` has.

@@ -1,14 +1,18 @@
 """What is printed: by any terminal, and a line for each step of an iteration."""
 
 import io
+import json
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout, suppress
-from math import inf
+from math import inf, isfinite
+from pathlib import Path
 from time import perf_counter
 from typing import Any, Self
+
+import numpy as np
 
 from toeplitz_mg._typing import Progress
 
@@ -36,6 +40,23 @@ def print_step(count: int, error: float) -> None:
 def format_error(error: float, digits: int) -> str:
     """Return an error with this many digits after the point; zero as a zero."""
     return f"{error:.{digits}e}" if error else "0"
+
+
+def write_json(figures: Mapping[str, Any]) -> str:
+    """Return figures as JSON, by name; what is no number there, as an infinity, is null."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {name: plain(x) for name, x in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(x) for x in value]
+        if isinstance(value, np.ndarray | np.generic):
+            return plain(value.tolist())
+        if isinstance(value, float) and not isfinite(value):
+            return None
+        return str(value) if isinstance(value, Path) else value
+
+    return json.dumps(plain(figures), indent=2, ensure_ascii=False)
 
 
 def drop_output() -> None:
