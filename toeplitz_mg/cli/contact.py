@@ -227,7 +227,8 @@ def run(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
 
 def _figures(case: Hertzian | Rough, results: Mapping[str, ContactResult]) -> dict[str, Any]:
     """Return what is printed, by the names of the fields of results."""
-    pressed, tangential = results[PRESSURE], results.get(TANGENTIAL)
+    pressed: Any = results[PRESSURE]
+    tangential: Any = results.get(TANGENTIAL)
     found: dict[str, Any] = {
         "products": [result.products for result in results.values()],
         "residual": [result.residual for result in results.values()],
