@@ -5,6 +5,7 @@ from fractions import Fraction
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 import scipy.linalg
 from scipy import fft
 
@@ -36,6 +37,12 @@ def count_iterations(solver, A, b, rtol=1e-8, **options):
     assert info == 0
     assert np.linalg.norm(b - A @ x) <= 1.1 * rtol * np.linalg.norm(b)
     return len(residuals) - 1
+
+
+def refuses(error, match, call, /, *arguments, **options):
+    """Check that a call with these arguments raises an error that says this."""
+    with pytest.raises(error, match=match):
+        call(*arguments, **options)
 
 
 def cells_of(result):

@@ -8,7 +8,7 @@ from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
-from tests.systems import count_iterations
+from tests.systems import count_iterations, refuses
 
 
 def system(n=900):
@@ -96,8 +96,7 @@ def test_a_preconditioner_in_float32_costs_few_iterations(preconditioner, n):
         assert M.dtype == dtype
         counts.append(count_iterations(tmg.cg, A, b, M=M, rtol=1e-10))
     assert counts[1] <= counts[0] + 6
-    with pytest.raises(TypeError, match="dtype is int64"):
-        preconditioner(A, dtype=int)
+    refuses(TypeError, "dtype is int64", preconditioner, A, dtype=int)
 
 
 def test_what_is_not_positive_definite_is_reported():
@@ -134,10 +133,8 @@ def test_what_is_refused_as_inner():
     A, b = system()
     with pytest.raises(ValueError, match=r"inner has shape \(3, 3\), but A has \(900, 900\)"):
         tmg.cg(A, b, inner=np.eye(3))
-    with pytest.raises(TypeError, match="inner is True, but must be A in less precision"):
-        tmg.cg(A, b, inner=True)
-    with pytest.raises(TypeError, match="inner has dtype complex128"):
-        tmg.cg(A, b, inner=np.eye(900) + 0j)
+    refuses(TypeError, "inner is True, but must be A in less precision", tmg.cg, A, b, inner=True)
+    refuses(TypeError, "inner has dtype complex128", tmg.cg, A, b, inner=np.eye(900) + 0j)
     # Too coarse an approximation of A is not a solution, and not an endless loop.
     x, info = tmg.cg(A, b, inner=tmg.ToeplitzOperator(1.5 * A.c), rtol=1e-8, maxiter=30)
     assert info == 30

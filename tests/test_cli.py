@@ -268,11 +268,6 @@ def test_an_archive_is_no_column(folder, capsys):
     assert_refused(solve(folder, column="c.npz"), "holds several arrays", capsys)
 
 
-def test_the_output_is_checked_before_the_work(folder, capsys):
-    assert_refused(solve(folder, x="nowhere/x.npy"), "is no folder", capsys)
-    assert_refused(solve(folder, x="."), "is a folder", capsys)
-
-
 def test_plots_need_matplotlib_and_say_so_before_the_work(monkeypatch, capsys, tmp_path):
     monkeypatch.setitem(sys.modules, "matplotlib", None)  # As if it were not installed.
     status = main(["-n", "300", "--plot", str(tmp_path / "x.png")])

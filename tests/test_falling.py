@@ -197,11 +197,17 @@ def test_loads_that_friction_without_slip_does_not_carry_have_their_creepages(
     assert_bound(found, g, falling)
 
 
-def test_loads_that_no_slip_lets_friction_carry_are_refused():
+def test_loads_that_friction_of_no_slip_carries_are_refused():
     g, _ = circle(16, (0.0, 0.0, 0.0))
     most = g.sum() * (2.0 / 16) ** 2
     with pytest.raises(ValueError, match="less than the friction of any slip carries"):
         circle(16, (0.0, 0.0, 0.0), falling=oil, force=(1.01 * most, None))
+    _, sliding = circle(16, (1e3, 0.0, 0.0))
+    _, spinning = circle(16, (0.0, 0.0, 1e3))
+    loads = {"force": (0.9 * sliding.force[0], None), "moment": 0.9 * spinning.moment}
+    message = r"the loads together are 1\.\d+ times what the friction of any slip carries"
+    with pytest.raises(ValueError, match=message):
+        circle(16, (0.0, 0.0, 0.0), falling=oil, **loads)
 
 
 @pytest.mark.parametrize("across", [None, 0.0])
@@ -264,15 +270,6 @@ def test_friction_falls_beside_what_is_bonded():
     assert np.isinf(result.bound[bonded]).all()
     slip = np.hypot(*result.slip)[~bonded]
     assert_allclose(result.bound[~bonded], g[~bonded] * steep(0.4)(slip), atol=1e-7)
-
-
-def test_loads_that_friction_carries_one_by_one_only_are_refused_together():
-    _, sliding = circle(16, (1e3, 0.0, 0.0))
-    _, spinning = circle(16, (0.0, 0.0, 1e3))
-    loads = {"force": (0.9 * sliding.force[0], None), "moment": 0.9 * spinning.moment}
-    message = r"the loads together are 1\.\d+ times what the friction of any slip carries"
-    with pytest.raises(ValueError, match=message):
-        circle(16, (0.0, 0.0, 0.0), falling=oil, **loads)
 
 
 def test_says_how_near_loads_are_that_no_creepage_has():

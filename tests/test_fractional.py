@@ -8,7 +8,7 @@ from scipy.special import binom, gamma, rgamma
 
 import toeplitz_mg as tmg
 from tests.budgets import assert_within_budget
-from tests.systems import count_iterations
+from tests.systems import count_iterations, refuses
 from toeplitz_mg.fractional import grunwald_coefficients, riesz_coefficients
 
 ORDERS = [1.0, 1.1, 1.5, 1.9, 2.0]
@@ -94,11 +94,7 @@ def test_what_is_no_order_or_number_of_points_is_refused():
         (grunwald_coefficients, (0.5, 2.1)),
     ):
         for order in wrong:
-            with pytest.raises(ValueError, match=f"order is {order}, but must"):
-                function(order, 5)
-        with pytest.raises(TypeError, match="order is 'a', but must be a real number"):
-            function("a", 5)
-        with pytest.raises(ValueError, match="n is 0, but must be at least 1"):
-            function(1.5, 0)
-        with pytest.raises(TypeError, match=r"n is 2\.5, but must be an integer"):
-            function(1.5, 2.5)
+            refuses(ValueError, f"order is {order}, but must", function, order, 5)
+        refuses(TypeError, "order is 'a', but must be a real number", function, "a", 5)
+        refuses(ValueError, "n is 0, but must be at least 1", function, 1.5, 0)
+        refuses(TypeError, r"n is 2\.5, but must be an integer", function, 1.5, 2.5)

@@ -329,23 +329,13 @@ def test_friction_in_one_contact_may_open_or_close_another(towards):
         ({"previous": 1.0}, TypeError, "previous is of type float, but must be a FrictionalResult"),
         ({"max_iterations": 0}, ValueError, "max_iterations is 0"),
         ({"tolerance": 0.0}, ValueError, "tolerance is 0.0"),
+        ({"max_iterations": 2}, ContactError, "after 2 iterations between pressures and friction"),
+        ({"max_products": 5}, ContactError, "after . products Coulomb.*; max_products is 5: allow"),
     ],
 )
-def test_refuses_bad_arguments(change, error, match):
+def test_refuses_bad_arguments_and_says_where_it_does_not_converge(change, error, match):
     with pytest.raises(error, match=match):
         sphere(**change)
-
-
-@pytest.mark.parametrize(
-    ("most", "message"),
-    [
-        ({"max_iterations": 2}, "after 2 iterations between pressures and friction the conditions"),
-        ({"max_products": 5}, "after . products Coulomb.*; max_products is 5: allow more"),
-    ],
-)
-def test_says_where_it_does_not_converge(most, message):
-    with pytest.raises(ContactError, match=message):
-        sphere(**most)
 
 
 @doubtful

@@ -2,7 +2,6 @@
 
 import inspect
 import pickle
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import toeplitz_mg as tmg
 from tests import cases
-from tests.cases import PAIRS, QUICK
+from tests.cases import PAIRS
 from tests.systems import seeded
 
 
@@ -164,12 +163,3 @@ def test_is_a_value(A):
         A @ np.ones(A.shape[1] + 1)
     assert repr(A).startswith("<")
     assert "\n" not in repr(A)
-
-
-def test_many_threads_may_share_an_operator():
-    for case in QUICK[::10]:
-        A = case.operator(np.float64)
-        X = seeded(40, A.shape[1])
-        with ThreadPoolExecutor(4) as pool:
-            Y = list(pool.map(lambda x, A=A: A @ x, X))
-        assert np.array_equal(Y, [A @ x for x in X])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from tests.systems import refuses
 from tests.test_result import (
     ALL,
     BOTH,
@@ -244,12 +245,14 @@ def test_stresses_are_drawn_where_they_are_the_largest(result, field, label):
     assert sorted(labels(ax)) == sorted([f"{label} [N/mm²]", "x [mm]", "depth [mm]"])
 
 
-def test_stresses_are_drawn_over_depths_in_order():
+def test_another_field_and_depths_without_order_are_refused():
     with pytest.raises(ValueError, match="must rise, and be two at least"):
         subsurface_stresses(PRESSED_LINE, depths=0.1).plot()
     stresses = subsurface_stresses(PRESSED_LINE, depths=DEPTHS)
     with pytest.raises(ValueError, match="field is 'zx', but must be one of von_mises, max_shear"):
         stresses.plot("zx")
+    for result, field in ((PRESSED, "slip"), (SHIFTED, "gap"), (ROLLED, "x")):
+        refuses(ValueError, f"field is '{field}', but must be one of ", result.plot, field)
 
 
 @pytest.mark.filterwarnings("ignore:.*non-interactive")
@@ -264,16 +267,9 @@ def test_by_default_it_is_a_new_figure():
     pyplot.close("all")
 
 
-@pytest.mark.parametrize(("result", "field"), [(PRESSED, "slip"), (SHIFTED, "gap"), (ROLLED, "x")])
-def test_another_field_is_refused(result, field):
-    with pytest.raises(ValueError, match=f"field is '{field}', but must be one of "):
-        result.plot(field)
-
-
 def test_without_matplotlib_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match=r"pip install 'toeplitz-mg\[plot\]'"):
-        PRESSED.plot()
+    refuses(ImportError, r"pip install 'toeplitz-mg\[plot\]'", PRESSED.plot)
 
 
 @pytest.mark.parametrize("hardness", [0.3, 1e3])
@@ -284,5 +280,4 @@ def test_what_yields_is_drawn_where_there_is_a_hardness(hardness):
     assert "plastic [mm]" in labels(draw(soft, "plastic"))
     line = normal_contact(gap[:, 12], 0.1, material=PRESSED.material, force=0.5, hardness=hardness)
     assert "plastic [mm]" in labels(draw(line, "plastic"))
-    with pytest.raises(ValueError, match="field is 'plastic', but must be one of pressure"):
-        PRESSED.plot("plastic")
+    refuses(ValueError, "field is 'plastic', but must be one of pressure", PRESSED.plot, "plastic")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from tests.systems import refuses
 from toeplitz_mg.paper import algorithm
 from toeplitz_mg.paper.problems import TESTS, test1, test3
 
@@ -28,19 +29,10 @@ def test_another_grid_has_the_same_matrix_as_the_problem_on_it(test):
     assert np.array_equal(A.c, getattr(other, "full", other).c)
 
 
-@pytest.mark.parametrize("test", TESTS.values())
-def test_refuses_bad_n(test):
-    with pytest.raises(ValueError, match="n is 0"):
-        test(0)
-    with pytest.raises(TypeError, match=r"n is 8\.0, but must be an integer"):
-        test(8.0)
-
-
-def test_three_needs_an_element_in_contact():
-    with pytest.raises(ValueError, match="n is 1, but test 3 needs at least 2"):
-        test3(1)
-
-
-def test_problems_are_frozen():
+def test_refuses_bad_n_and_that_anything_is_changed():
+    refuses(ValueError, "n is 1, but test 3 needs at least 2", test3, 1)
     with pytest.raises(dataclasses.FrozenInstanceError):
         test1(4).h = 1.0
+    for test in TESTS.values():
+        refuses(ValueError, "n is 0", test, 0)
+        refuses(TypeError, r"n is 8\.0, but must be an integer", test, 8.0)

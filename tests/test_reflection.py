@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import HERMITIAN, column
 from tests.budgets import assert_within_budget
-from tests.systems import in_long_numbers
+from tests.systems import in_long_numbers, refuses
 
 COVARIANCES = [
     "θ⁴ + 1",
@@ -94,12 +94,9 @@ def test_the_block_that_is_not_positive_definite_is_named(c, n):
 
 
 def test_refuses_bad_arguments():
-    with pytest.raises(np.linalg.LinAlgError, match="diagonal"):
-        tmg.reflection_coefficients([-1.0, 0.0])
-    with pytest.raises(ValueError, match="must have one axis"):
-        tmg.reflection_coefficients([[2.0, 1.0], [0.5, 0.1]])
-    with pytest.raises(ValueError, match="must be real"):
-        tmg.reflection_coefficients([2.0 + 1.0j, 1.0])
+    refuses(np.linalg.LinAlgError, "diagonal", tmg.reflection_coefficients, [-1.0, 0.0])
+    refuses(ValueError, "must have one axis", tmg.reflection_coefficients, [[2.0, 1.0], [0.5, 0.1]])
+    refuses(ValueError, "must be real", tmg.reflection_coefficients, [2.0 + 1.0j, 1.0])
     with pytest.raises(TypeError, match=r"write reflection_coefficients\(A\.c\)"):
         tmg.reflection_coefficients(tmg.ToeplitzOperator([2.0, 1.0]))
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
+from tests.systems import refuses
 from tests.test_result import (
     ALL,
     BOTH,
@@ -94,8 +95,7 @@ each_format = pytest.mark.parametrize(("write", "ending"), [("save", "npz"), ("t
 def test_a_file_is_not_replaced_by_accident(write, ending, tmp_path):
     path = tmp_path / f"x.{ending}"
     path.write_text("his")
-    with pytest.raises(FileExistsError, match="overwrite=True replaces it"):
-        getattr(PRESSED, write)(path)
+    refuses(FileExistsError, "overwrite=True replaces it", getattr(PRESSED, write), path)
     assert path.read_text() == "his"
     getattr(PRESSED, write)(path, overwrite=True)
     assert path.stat().st_size > 1000
@@ -111,8 +111,7 @@ def test_a_file_is_written_whole_or_not_at_all(write, ending, tmp_path, monkeypa
         raise OSError("the disk is full")
 
     monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(OSError, match="the disk is full"):
-        getattr(PRESSED, write)(path, overwrite=True)
+    refuses(OSError, "the disk is full", getattr(PRESSED, write), path, overwrite=True)
     assert path.read_text() == "his"
     assert os.listdir(tmp_path) == [path.name]
 
@@ -125,8 +124,7 @@ def test_a_name_that_cannot_be_written_is_refused(write, ending, tmp_path):
         (f"folder.{ending}", OSError, "is no regular file"),
     ):
         (tmp_path / f"folder.{ending}").mkdir(exist_ok=True)
-        with pytest.raises(error, match=said):
-            getattr(PRESSED, write)(tmp_path / name, overwrite=True)
+        refuses(error, said, getattr(PRESSED, write), tmp_path / name, overwrite=True)
 
 
 def refusal(path):
@@ -191,8 +189,7 @@ def damaged(path, result, about=None, **arrays):
     ],
 )
 def test_what_is_not_of_its_grid_is_refused(arrays, message, tmp_path):
-    with pytest.raises(ValueError, match=message):
-        contact.load(damaged(tmp_path / "x.npz", PRESSED, **arrays))
+    refuses(ValueError, message, contact.load, damaged(tmp_path / "x.npz", PRESSED, **arrays))
 
 
 def test_what_belongs_to_no_field_is_not_read(tmp_path):
@@ -299,8 +296,7 @@ def test_xarray_can_write_it(result, tmp_path):
 
 def test_without_xarray_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "xarray", None)
-    with pytest.raises(ImportError, match=r"pip install 'toeplitz-mg\[xarray\]'"):
-        PRESSED.to_xarray()
+    refuses(ImportError, r"pip install 'toeplitz-mg\[xarray\]'", PRESSED.to_xarray)
 
 
 def test_what_all_ranks_compute_together_is_not_asked_of_one(tmp_path):
@@ -334,8 +330,7 @@ def test_stresses_as_a_grid_of_vtk(stresses, tmp_path):
     von_mises = arrays["von_mises"].reshape(sizes[::-1])
     expected = stresses.von_mises.reshape(sizes[2], sizes[0], sizes[1])
     assert np.array_equal(von_mises, expected.transpose(0, 2, 1))
-    with pytest.raises(ValueError, match=r"must end in \.vtr"):
-        stresses.to_vtk(tmp_path / "x.vti")
+    refuses(ValueError, r"must end in \.vtr", stresses.to_vtk, tmp_path / "x.vti")
 
 
 class Trap:
@@ -360,6 +355,5 @@ def test_nothing_is_unpickled(tmp_path):
 
 def test_depths_that_are_not_in_order_make_no_grid_of_vtk(tmp_path):
     wrong = replace(STRESSES, depths=STRESSES.depths[::-1])
-    with pytest.raises(ValueError, match="must increase"):
-        wrong.to_vtk(tmp_path / "x.vtr")
+    refuses(ValueError, "must increase", wrong.to_vtk, tmp_path / "x.vtr")
     assert not os.listdir(tmp_path)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from comparisons.theory import below
 from comparisons.theory.solved import grids, order
-from tests.systems import cells_of
+from tests.systems import cells_of, refuses
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
     ContactWarning,
@@ -180,8 +180,7 @@ def test_stresses_are_in_proportion_to_tractions_of_any_size():
 def test_refuses_what_makes_no_sense(change, message):
     arguments = {"depths": 0.1, "body": "first"} | change
     results = [line(16)] * arguments.pop("results", 1)
-    with pytest.raises(ValueError, match=message):
-        subsurface_stresses(*results, **arguments)
+    refuses(ValueError, message, subsurface_stresses, *results, **arguments)
 
 
 def test_refuses_results_that_do_not_belong_together_or_repeat_or_are_of_one_rank():
@@ -190,8 +189,7 @@ def test_refuses_results_that_do_not_belong_together_or_repeat_or_are_of_one_ran
     other = friction(line(16, material=SOFT), mu=0.1, shift=1e-3)
     with pytest.raises(ValueError, match=r"material is .* in one result"):
         subsurface_stresses(line(16), other, depths=0.1)
-    with pytest.raises(TypeError, match=r"a result is 3\.0"):
-        subsurface_stresses(3.0, depths=0.1)
+    refuses(TypeError, r"a result is 3\.0", subsurface_stresses, 3.0, depths=0.1)
     for periodic in ((True, False), (False, True), True):
         with pytest.raises(ValueError, match=r"periodic is .* in a result"):
             subsurface_stresses(sphere(16, periodic=periodic), depths=0.1)
@@ -248,5 +246,4 @@ def test_bodies_pressed_with_friction_have_the_stresses_of_both_parts():
         at_once = subsurface_stresses(both, depths=[0.0, 0.3], body=body)
         parts = subsurface_stresses(both.normal, both.tangential, depths=[0.0, 0.3], body=body)
         assert np.array_equal(at_once.von_mises, parts.von_mises)
-    with pytest.raises(ValueError, match="there are 3 results"):
-        subsurface_stresses(both, both.normal, depths=0.1)
+    refuses(ValueError, "there are 3 results", subsurface_stresses, both, both.normal, depths=0.1)
