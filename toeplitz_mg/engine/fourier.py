@@ -238,8 +238,8 @@ def _cosines(X: Rows, kind: int, of_scipy: Any, sign: float) -> Rows:
     Long ones are by MKL's real ones (J. Makhoul, A fast cosine transform in one and two dimensions,
     IEEE Trans. Acoust. Speech Signal Process. 28, 1980).
     """
-    mkl, n = library(), X.shape[-1]
-    if n < SMALL or not isinstance(mkl, MKL):
+    n = X.shape[-1]
+    if n < SMALL or not isinstance(mkl := library(), MKL):
         return of_scipy(X, kind, norm="ortho", overwrite_x=True)
     turns, turns_back, even, half = *_turns(n), -(-n // 2), n // 2 + 1
     y, Z = np.empty_like(X), workspace((*X.shape[:-1], half), np.complex128)
