@@ -18,6 +18,11 @@ PRECONDITIONERS = [
 PRECONDITIONERS.remove(tmg.select_preconditioner)  # It says which is taken.
 
 
+def preconditioners(names):
+    """Return the functions for preconditioners, as "fft chan"."""
+    return [getattr(tmg, f"{name}_preconditioner") for name in names.split()]
+
+
 def random(*shape):
     """Numbers that depend on the shape alone, and not on which tests a process has run before."""
     return np.random.default_rng([3, *shape]).standard_normal(shape)

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.array_libraries import LIBRARIES, ON_GPU, load_library, record_numbers, to_numpy
-from tests.systems import refuses, seeded
+from tests.systems import preconditioners, refuses, seeded
 from toeplitz_mg import contact, halfspace
 
 strict = pytest.importorskip("array_api_strict")
@@ -79,16 +79,7 @@ OPERATORS = {
     "times an array": lambda a, t: OPERATORS["one axis"](a, t) * a(np.array(2.0, t)),
     "scaled": lambda a, t: 2 * OPERATORS["two axes"](a, t) - OPERATORS["two axes"](a, t) / 4,
 }
-MAKERS = {
-    maker.__name__: maker
-    for maker in (
-        tmg.fft_preconditioner,
-        tmg.cosine_preconditioner,
-        tmg.sine_preconditioner,
-        tmg.chan_preconditioner,
-        tmg.strang_preconditioner,
-    )
-}
+MAKERS = {maker.__name__: maker for maker in preconditioners("fft cosine sine chan strang")}
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])

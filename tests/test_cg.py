@@ -8,7 +8,7 @@ from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from comparisons.systems.symbols import column
-from tests.systems import count_iterations, refuses
+from tests.systems import count_iterations, preconditioners, refuses
 
 
 def system(n=900):
@@ -76,16 +76,7 @@ def test_an_inner_iteration_whatever_the_size_of_b(turn, size, with_guess):
 
 
 @pytest.mark.parametrize(
-    "preconditioner",
-    [
-        tmg.strang_preconditioner,
-        tmg.chan_preconditioner,
-        tmg.fft_preconditioner,
-        tmg.fft_rsm_preconditioner,
-        tmg.cosine_preconditioner,
-        tmg.sine_preconditioner,
-        tmg.spectral_preconditioner,
-    ],
+    "preconditioner", preconditioners("strang chan fft fft_rsm cosine sine spectral")
 )
 @pytest.mark.parametrize("n", [900, 40000])
 def test_a_preconditioner_in_float32_costs_few_iterations(preconditioner, n):

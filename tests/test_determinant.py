@@ -165,11 +165,7 @@ def test_refuses_what_is_not_positive_definite_and_says_by_which_n(c, n):
         (scipy.linalg.toeplitz([4.0, 1.0, 0.5]), ValueError, "must have one axis"),
         ([2.0 + 1.0j, 1.0], ValueError, "must be real"),
         ([2.0, np.nan], ValueError, "finite"),
-        (
-            tmg.ToeplitzOperator([2.0, 1.0]),
-            TypeError,
-            r"write toeplitz_logdet\(A\.c\), or toeplitz_",
-        ),
+        (tmg.ToeplitzOperator([2.0, 1.0]), TypeError, r"write toeplitz_logdet\(A\.c\), or toepl"),
     ],
 )
 def test_refuses_bad_arguments(c, error, message):

@@ -137,16 +137,12 @@ def test_a_ball_creeps_too_and_a_slip_that_is_given_adds():
         ({"longitudinal": 1e-3}, ValueError, "only one of the two can be given"),
         ({"tangential_force": 1.0}, ValueError, "force is of size 1, but must be less"),
         ({"spin": 1.0}, ValueError, "line contact has longitudinal and lateral creepage only"),
+        ({"max_iterations": 1}, ContactError, "after 1 iterations between pressures and friction"),
     ],
 )
-def test_refuses_bad_arguments(change, error, match):
+def test_refuses_bad_arguments_and_says_where_it_does_not_converge(change, error, match):
     with pytest.raises(error, match=match):
         rollers(**change)
-
-
-def test_says_where_it_does_not_converge():
-    with pytest.raises(ContactError, match="after 1 iterations between pressures and friction"):
-        rollers(max_iterations=1)
 
 
 @doubtful

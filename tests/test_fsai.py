@@ -14,7 +14,7 @@ import toeplitz_mg as tmg
 from comparisons.systems import masks
 from tests.budgets import assert_within_budget
 from tests.cases import contact, exponential
-from tests.systems import count_iterations, refuses
+from tests.systems import count_iterations, preconditioners, refuses
 from toeplitz_mg import fsai_preconditioner
 from toeplitz_mg.halfspace import (
     Material,
@@ -375,16 +375,7 @@ def test_what_is_solved_for_directly_is_not_refused():
 
 
 @pytest.mark.parametrize("scale", [1e39, 1e34, 1e-34, 1e-39])
-@pytest.mark.parametrize(
-    "preconditioner",
-    [
-        fsai_preconditioner,
-        tmg.sine_preconditioner,
-        tmg.chan_preconditioner,
-        tmg.fft_preconditioner,
-        tmg.default_preconditioner,
-    ],
-)
+@pytest.mark.parametrize("preconditioner", preconditioners("fsai sine chan fft default"))
 def test_what_float32_has_no_room_for_is_refused(preconditioner, scale):
     A = operator(scale * contact(30, 30), np.random.default_rng(0).random((30, 30)) < 0.9)
     for B in (A, MATRICES["components"](scale)):

@@ -7,6 +7,7 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.cases import contact, coupled, half_space_kernel, submatrix
+from tests.systems import preconditioners
 
 GRID = (16, 40)
 
@@ -44,13 +45,7 @@ def test_a_part_of_a_grid_has_no_mask_of_the_grid():
 def test_operators_of_a_whole_grid_have_masks():
     """On a mask each operator is its dense matrix, in rows and columns of the mask."""
     A, mask = whole(), random_mask(2)
-    preconditioners = (
-        tmg.fft_preconditioner,
-        tmg.fsai_preconditioner,
-        tmg.chan_preconditioner,
-        tmg.cosine_preconditioner,
-    )
-    for M in (A, *(f(A) for f in preconditioners)):
+    for M in (A, *(f(A) for f in preconditioners("fft fsai chan cosine"))):
         assert np.prod(M.grid_shape) == M.shape[0]
         B = tmg.MaskedOperator(M, mask)
         dense = submatrix(M @ np.eye(M.shape[0]), mask)

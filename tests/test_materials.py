@@ -11,7 +11,7 @@ from toeplitz_mg import halfspace
 from toeplitz_mg.contact import Material, friction, normal_contact, rolling
 
 
-def test_both_spellings_are_of_the_same_body():
+def test_both_spellings_are_of_the_same_body_which_cannot_be_changed():
     steel = Material(E=210000.0, nu=0.3)
     assert_allclose(steel.G, 210000.0 / 2.6, rtol=1e-15)
     assert_allclose(steel.E, 210000.0, rtol=1e-15)
@@ -22,9 +22,6 @@ def test_both_spellings_are_of_the_same_body():
     assert repr(steel) == "Material(E=210000, nu=0.3)"
     for twin in (pickle.loads(pickle.dumps(steel)), copy.deepcopy(steel), eval(repr(steel))):
         assert twin == steel
-
-
-def test_a_material_cannot_be_changed():
     with pytest.raises(AttributeError):
         Material(E=1.0, nu=0.3).G = 2.0
 

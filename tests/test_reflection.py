@@ -14,13 +14,7 @@ from tests.budgets import assert_within_budget
 from tests.systems import in_long_numbers, refuses
 
 COVARIANCES = [
-    "θ⁴ + 1",
-    "(1+k)^-1.1",
-    "cos k/(k+1)",
-    "exp(-k/1000)",
-    "contact",
-    "|θ|",
-    "2 + 2 cos θ",
+    *("θ⁴ + 1", "(1+k)^-1.1", "cos k/(k+1)", "exp(-k/1000)", "contact", "|θ|", "2 + 2 cos θ")
 ]
 
 

@@ -82,9 +82,6 @@ def test_what_is_not_positive_definite_is_refused():
     refuses(np.linalg.LinAlgError, r"eigenvalue -.*: use ", tmg.tau_preconditioner, A)
     refuses(TypeError, "shift", tmg.tau_preconditioner, A, shift="1")
     refuses(ValueError, "shift", tmg.tau_preconditioner, A, shift=np.inf)
-
-
-def test_what_is_not_definite_in_spite_of_a_shift_is_told_to_shift_the_other_too():
     A = tmg.ToeplitzOperator(contact(16))
     advice = r"with A \+ shift \* eye_array\(n\) in the place of A"
     refuses(np.linalg.LinAlgError, advice, tmg.tau_preconditioner, A, shift=1e-9)

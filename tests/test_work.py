@@ -8,6 +8,7 @@ from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.cases import PAIRS, checkered, contact, waves
+from tests.systems import preconditioners
 from toeplitz_mg.paper import problems
 
 
@@ -35,13 +36,7 @@ def test_so_it_is_where_products_are_transforms(shape):
     A = tmg.ToeplitzOperator(c)
     masked = tmg.MaskedOperator(A, rng.random(shape) < 0.9)
     for B in (A, masked):
-        for preconditioner in (
-            tmg.fft_preconditioner,
-            tmg.fft_sd_preconditioner,
-            tmg.cosine_preconditioner,
-            tmg.chan_preconditioner,
-            tmg.jacobi_preconditioner,
-        ):
+        for preconditioner in preconditioners("fft fft_sd cosine chan jacobi"):
             assert_says_what_is_counted(preconditioner(B))
         if len(shape) < 3:
             assert_says_what_is_counted(tmg.fsai_preconditioner(B))
@@ -59,19 +54,13 @@ def test_so_it_is_of_complex_and_of_general_ones(shape):
     for B in (hermitian, tmg.MaskedOperator(hermitian, rng.random(shape) < 0.9)):
         assert_says_what_is_counted(B)
         assert_says_what_is_counted(B.T)
-        for preconditioner in (
-            tmg.fft_preconditioner,
-            tmg.chan_preconditioner,
-            tmg.jacobi_preconditioner,
-        ):
+        for preconditioner in preconditioners("fft chan jacobi"):
             assert_says_what_is_counted(preconditioner(B))
             assert_says_what_is_counted(preconditioner(B).T)
 
 
 @pytest.mark.parametrize(
-    "options",
-    [{}, {"pre": 0}, {"post": 0}, {"pre": 2}, {"gamma": 2}],
-    ids=str,
+    "options", [{}, {"pre": 0}, {"post": 0}, {"pre": 2}, {"gamma": 2}], ids=str
 )
 def test_so_it_is_of_cycles(options):
     """The cycles have borders, masks, coarse grids by area, components, or a user's smoothers."""

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import aslinearoperator
 
 import toeplitz_mg as tmg
 from tests.cases import QUICK, aggregate, contact, dense_of_column, exponential
-from tests.systems import seeded
+from tests.systems import preconditioners, seeded
 
 
 def operators(A):
@@ -21,17 +21,8 @@ def operators(A):
     mask = seeded(*A.grid_shape) < 0.8
     for B in (A, tmg.MaskedOperator(A, mask)):
         yield B
-        yield from (
-            f(B)
-            for f in (
-                tmg.multigrid,
-                tmg.fft_rsm_preconditioner,
-                tmg.fft_sd_preconditioner,
-                tmg.cosine_preconditioner,
-                tmg.chan_preconditioner,
-                *[tmg.fsai_preconditioner] * (len(A.grid_shape) < 3),
-            )
-        )
+        names = "fft_rsm fft_sd cosine chan" + " fsai" * (len(A.grid_shape) < 3)
+        yield from (f(B) for f in (tmg.multigrid, *preconditioners(names)))
     if len(A.grid_shape) == 1:
         yield tmg.spectral_preconditioner(A)
         yield tmg.toeplitz_inverse(A)
