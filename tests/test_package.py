@@ -36,14 +36,6 @@ def test_the_paper_is_cited_alike_everywhere():
         assert f"family-names: {name}\n" in CITATION
 
 
-def test_the_citation_is_valid():
-    """By the schema, which `.ci/package` has cffconvert check, and here the keys that it asks."""
-    keys = set(re.findall(r"^([\w-]+):", CITATION, re.MULTILINE))
-    assert {"cff-version", "message", "title", "authors"} <= keys
-    assert "cff-version: 1.2.0\n" in CITATION
-    assert f"license: {SETTINGS['project']['license']}\n" in CITATION
-
-
 @pytest.mark.parametrize(
     "group", ["lint", "test-core", "typing", "docs", "peers", "benchmarks", "mutants", "release"]
 )
@@ -75,8 +67,8 @@ def test_all_that_a_source_distribution_needs_is_in_it():
 
 def test_the_core_needs_nothing_but_numpy_scipy_and_pytest():
     core = SETTINGS["dependency-groups"]["test-core"]
-    assert {*SETTINGS["project"]["dependencies"]} < {*core}
-    assert [requirement for requirement in core if requirement[:6] != "pytest"] == core[:-1]
+    assert core[:-1] == SETTINGS["project"]["dependencies"]
+    assert core[-1].startswith("pytest>")
     files = (ROOT / "tests" / "core.txt").read_text().split()
     assert all((ROOT / name).is_file() for name in files)
 
@@ -88,13 +80,5 @@ def test_the_workflow_runs_what_a_clone_runs():
     text = workflow.read_text()
     for name in re.findall(r"(?<![\w/.])(?:\.ci|tests)/[\w.]+", text):
         assert (ROOT / name).exists(), name
-    tried = set(re.findall(r'"(3\.\d+)"', text))
-    assert {f"Programming Language :: Python :: {python}" for python in tried} == {
-        c for c in SETTINGS["project"]["classifiers"] if " :: Python :: 3." in c
-    }
-
-
-def test_a_release_has_a_page_of_its_own():
-    page = (ROOT / "RELEASING.md").read_text()
-    assert ".ci/package" in page
-    assert f"## {tmg.__version__}" in (ROOT / "CHANGELOG.md").read_text()
+    said = "\n".join(SETTINGS["project"]["classifiers"])
+    assert set(re.findall(r'"(3\.\d+)"', text)) == set(re.findall(r"Python :: (3\.\d+)", said))

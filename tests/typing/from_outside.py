@@ -18,7 +18,6 @@ steel = Material(E=210000.0, nu=0.28)
 
 
 def operators(A: tmg.ToeplitzOperator) -> None:
-    """A multiple of a matrix is a matrix, with a grid, and no number."""
     for B in (2 * A, A * 2.0, -A, A / 3.0):
         assert_type(B.grid_shape, tuple[int, ...])
         tmg.cg(B, b)
@@ -26,13 +25,11 @@ def operators(A: tmg.ToeplitzOperator) -> None:
 
 
 def likelihoods(process: tmg.ToeplitzNormal) -> None:
-    """The likelihood of a series is a number."""
     assert_type(process.logpdf([1.0, 2.0, 3.0]), float)
     assert_type(process.logpdf(np.zeros(3)), float)
 
 
 def contact(pressed: NormalResult) -> None:
-    """Numbers, fields and pairs of bodies are taken, words are not."""
     assert_type(tmg.contact.friction(pressed, mu=0.3, shift=(1e-3, 0.0)), TangentialResult)
     tmg.contact.rolling(pressed, mu=np.full((4, 4), 0.3))
     tmg.contact.rolling(pressed, mu=[[0.1, 0.2], [0.3, 0.4]])
@@ -46,6 +43,5 @@ def contact(pressed: NormalResult) -> None:
 
 
 def names() -> None:
-    """What is imported when it is used is known, and a name that is none is refused."""
     assert_type(tmg.covariances.Exponential(length=2.0), tmg.covariances.Exponential)
     tmg.contct  # type: ignore[attr-defined]  # noqa: B018

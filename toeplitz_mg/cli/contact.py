@@ -227,20 +227,15 @@ def run(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
 
 def _figures(case: Hertzian | Rough, results: Mapping[str, ContactResult]) -> dict[str, Any]:
     """Return what is printed, by the names of the fields of results."""
-    pressed: Any = results[PRESSURE]
-    tangential: Any = results.get(TANGENTIAL)
-    found: dict[str, Any] = {
+    pressed, whole = results[PRESSURE], fields(results)
+    numbers = "force", "approach", "tangential_force", "rigid", "moment", "power"
+    found = {
         "products": [result.products for result in results.values()],
         "residual": [result.residual for result in results.values()],
         "warnings": [*dict.fromkeys(doubt for r in results.values() for doubt in r.warnings)],
-        "force": pressed.force,
-        "approach": pressed.rigid,
         "max_pressure": pressed.magnitude.max(),
         "area": pressed.area,
-    }
-    if tangential is not None:
-        found |= {"tangential_force": tangential.force, "rigid": tangential.rigid}
-        found |= {"moment": tangential.moment, "power": tangential.power}
+    } | {name: whole[name] for name in numbers if name in whole}
     if isinstance(case, Hertzian):
         names = "force", "approach", "max_pressure", "area"
         found["theory"] = {name: getattr(case.theory, name) for name in names}

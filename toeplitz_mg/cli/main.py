@@ -3,7 +3,7 @@
 import io
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, redirect_stdout, suppress
 from functools import partial
 from typing import Any
@@ -16,7 +16,11 @@ from toeplitz_mg.cli import contact, linear, report
 from toeplitz_mg.cli.arguments import parser, take_threads
 
 BROKEN_PIPE = 141  # Exit status: 128 and the number of SIGPIPE, which ends other programs so.
-COMMANDS = {"paper": linear.run_paper, "solve": linear.run_solve, "contact": contact.run}
+COMMANDS: dict[str, Callable[..., tuple[int, dict[str, Any]]]] = {
+    "paper": linear.run_paper,
+    "solve": linear.run_solve,
+    "contact": contact.run,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
