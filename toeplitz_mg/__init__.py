@@ -5,16 +5,6 @@ from toeplitz_mg import startup  # noqa: F401, I001
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from toeplitz_mg.multigrid_cycle import (
-    Interpolation,
-    Multigrid,
-    galerkin,
-    linear_interpolation,
-    modulated_interpolation,
-    multigrid,
-    piecewise_constant,
-    rediscretised,
-)
 from toeplitz_mg.operators import (
     CoupledOperator,
     HankelOperator,
@@ -46,20 +36,30 @@ from toeplitz_mg.solvers.toeplitz.solve import select_method, solve_toeplitz
 from toeplitz_mg.solvers.determinant import toeplitz_logdet
 from toeplitz_mg.solvers.reflection import reflection_coefficients
 from toeplitz_mg.solvers.inverse import ToeplitzInverse, toeplitz_inverse
-from toeplitz_mg.solvers.blocks import block_toeplitz_logdet, solve_block_toeplitz
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
-from toeplitz_mg.solvers.least_squares import (
-    LeastSquaresInfo,
-    RightPreconditioned,
-    toeplitz_lstsq,
-)
 from toeplitz_mg.solvers.toeplitz.refinement import SolveInfo
 from toeplitz_mg.solvers.richardson import richardson
 
 if TYPE_CHECKING:
     from toeplitz_mg import contact, covariances, fractional, halfspace
     from toeplitz_mg.gaussian import NormalFit, ToeplitzNormal
+    from toeplitz_mg.multigrid_cycle import (
+        Interpolation,
+        Multigrid,
+        galerkin,
+        linear_interpolation,
+        modulated_interpolation,
+        multigrid,
+        piecewise_constant,
+        rediscretised,
+    )
+    from toeplitz_mg.solvers.blocks import block_toeplitz_logdet, solve_block_toeplitz
+    from toeplitz_mg.solvers.least_squares import (
+        LeastSquaresInfo,
+        RightPreconditioned,
+        toeplitz_lstsq,
+    )
 
 __all__ = [
     "CoupledOperator",
@@ -120,15 +120,30 @@ __version__ = "0.1.0"
 
 # Imported when they are used first, as importing them takes longer than solving a small system.
 _PACKAGES = ("contact", "covariances", "fractional", "halfspace", "paper", "slabs")
-_OF_GAUSSIAN = ("NormalFit", "ToeplitzNormal")
+_NAMES = {
+    "gaussian": ("NormalFit", "ToeplitzNormal"),
+    "multigrid_cycle": (
+        "Interpolation",
+        "Multigrid",
+        "galerkin",
+        "linear_interpolation",
+        "modulated_interpolation",
+        "multigrid",
+        "piecewise_constant",
+        "rediscretised",
+    ),
+    "solvers.blocks": ("block_toeplitz_logdet", "solve_block_toeplitz"),
+    "solvers.least_squares": ("LeastSquaresInfo", "RightPreconditioned", "toeplitz_lstsq"),
+}
 
 if not TYPE_CHECKING:  # A type checker would take every name for one that is found here.
 
     def __getattr__(name: str) -> Any:
         if name in _PACKAGES:
             return import_module(f"{__name__}.{name}")
-        if name in _OF_GAUSSIAN:
-            return getattr(import_module(f"{__name__}.gaussian"), name)
+        for module, names in _NAMES.items():
+            if name in names:
+                return getattr(import_module(f"{__name__}.{module}"), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
