@@ -7,9 +7,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tests.budgets import assert_within_budget
+from tests.systems import refuses
 from tests.test_friction import doubtful
 from tests.test_rolling import assert_rolls, carter, circle
-from toeplitz_mg.contact import ContactError, ContactWarning, Material, rolling
+from toeplitz_mg.contact import (
+    ContactError,
+    ContactWarning,
+    Material,
+    normal_contact,
+    rolling,
+    surfaces,
+)
 from toeplitz_mg.halfspace import influence_matrix
 
 MATERIAL = Material.from_shear(1.0, 0.25)
@@ -152,6 +160,10 @@ def test_friction_that_rises_has_one_answer_however_steeply(k):
     ("falling", "error", "message"),
     [
         (0.5, TypeError, "falling is 0.5, but must be a function"),
+        ((0.3, 0.2), ValueError, r"falling has shape \(2,\)"),
+        ((0.0, 0.2, 0.1), ValueError, "mu_s of falling is 0.0, but must be positive"),
+        ((0.3, -0.2, 0.1), ValueError, "mu_k of falling is -0.2, but must be at least zero"),
+        ((0.3, 0.2, 0.0), ValueError, "s0 of falling is 0.0, but must be positive"),
         (lambda s: -np.ones_like(s), ValueError, "falling has returned -1 to -1"),
         (lambda s: np.ones(3), ValueError, r"falling has returned the shape \(3,\)"),
     ],
@@ -160,6 +172,26 @@ def test_refuses_what_is_no_friction(falling, error, message):
     soft = Material.from_shear(1, 0.3)
     with pytest.raises(error, match=message):
         rolling(bound=np.ones((4, 4)), element=(1.0, 1.0), material=soft, falling=falling)
+
+
+LAW = (0.4, 0.3, 0.02)
+
+
+@doubtful
+def test_three_numbers_are_the_function():
+    """μ_k + (μ_s - μ_k) exp(-s/s₀): of a bound, and of pressures with `mu` or without."""
+    mu_s, mu_k, s0 = LAW
+    by = {"falling": lambda s: (mu_k + (mu_s - mu_k) * np.exp(-s / s0)) / mu_s}
+    _, expected = circle(16, (0.05, 0.0, 0.05), **by)
+    _, found = circle(16, (0.05, 0.0, 0.05), falling=LAW)
+    assert_allclose(found.traction, expected.traction, atol=1e-12)
+    gap = surfaces.sphere((16, 16), (0.2, 0.2), radius=5.0)
+    pressed = normal_contact(gap, (0.2, 0.2), material=MATERIAL, force=0.3)
+    known = rolling(pressed, mu=mu_s, **by, longitudinal=0.05)
+    for given in ({}, {"mu": mu_s}):
+        found = rolling(pressed, **given, falling=list(LAW), longitudinal=0.05)
+        assert_allclose(found.traction, known.traction, atol=1e-12)
+    refuses(ValueError, "mu is 0.3, but falling has mu_s", rolling, pressed, mu=0.3, falling=LAW)
 
 
 def oil(s):

@@ -25,12 +25,44 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results import ContactError, TangentialResult
 from toeplitz_mg.contact.tangential.law import Areas, direction, size
 from toeplitz_mg.engine import fourier
-from toeplitz_mg.values import in_range, numbers
+from toeplitz_mg.values import field, in_range, numbers, positive
 
 LEAST = 1e-10  # Least factor of the bound: with none at all an element would be no contact.
 SLIPS = 32  # Slips between which the steepest fall is looked for.
 SMALLEST = 1e-4  # The least of them, over the largest.
 LEAST_STEP = 1 / 16  # Least step of the law from constant friction on, over the whole.
+
+Law = Callable[[Array], ArrayLike] | tuple[float, float, float]  # As a user gives it.
+
+
+def read_law(falling: Law | None, mu: Any, bound: Any) -> tuple[Any, Any]:
+    """Return the coefficient of friction without slip, and the factor of the bound by the slip.
+
+    Three numbers (μ_s, μ_k, s₀) are μ(s) = μ_k + (μ_s - μ_k) exp(-s/s₀); all else is as it was.
+    """
+    if not isinstance(falling, tuple | list | np.ndarray):
+        return mu, falling
+    given = field("falling", falling)
+    if given.shape != (3,):
+        raise ValueError(
+            f"falling has shape {given.shape}, but must be three numbers, (mu_s, mu_k, s0)"
+        )
+    static = positive("mu_s of falling", given[0])
+    kinetic, distance = float(given[1]), positive("s0 of falling", given[2])
+    if not 0.0 <= kinetic < np.inf:
+        raise ValueError(f"mu_k of falling is {kinetic:g}, but must be at least zero and finite")
+    in_range("s0 of falling", distance)
+    if mu is not None and np.any(wrong := (friction := field("mu", mu, "")) != static):
+        raise ValueError(
+            f"mu is {friction[wrong].flat[0]:g}, but falling has mu_s = {static:g}, which is the "
+            "coefficient without slip: leave mu out"
+        )
+
+    def factor(s: Array) -> Array:
+        part: Array = np.exp(-s / distance)
+        return (kinetic + (static - kinetic) * part) / static
+
+    return (static if bound is None else None) if mu is None else mu, factor
 
 
 def follow(find: Callable[..., Any], K: Any, problem: Any, loads: Any, guess: Any = None) -> Any:
@@ -109,7 +141,9 @@ def _largest_of_symbol(K: Any) -> float:
 def multiply(g: Array, falling: Callable[[Array], ArrayLike], s: Array) -> Array:
     """Return g times the factor of the bound by the slip s, or say what is wrong with it."""
     if not callable(falling):
-        raise TypeError(f"falling is {falling!r}, but must be a function of the slip, or None")
+        raise TypeError(
+            f"falling is {falling!r}, but must be a function of the slip, (mu_s, mu_k, s0), or None"
+        )
     factor = numbers("the factor of falling friction", falling(s))
     if factor.shape not in ((), s.shape):
         raise ValueError(

@@ -20,7 +20,7 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
 from toeplitz_mg.contact.tangential.by_loads import SLIPS, check_loads, find_by_slip
-from toeplitz_mg.contact.tangential.falling import examine, follow, multiply
+from toeplitz_mg.contact.tangential.falling import Law, examine, follow, multiply, read_law
 from toeplitz_mg.contact.tangential.friction import make_result, slide_off
 from toeplitz_mg.contact.tangential.law import ROUNDING as ROUNDED
 from toeplitz_mg.contact.tangential.law import (
@@ -58,7 +58,7 @@ def rolling(
     moment: float | None = None,
     slip: ArrayLike | None = None,
     pole: tuple[float, float] = (0.0, 0.0),
-    falling: Callable[[Array], ArrayLike] | None = None,
+    falling: Law | None = None,
     guess: TangentialResult | None = None,
     tolerance: float = 1e-8,
     nested: bool = True,
@@ -103,13 +103,17 @@ def rolling(
     pole : (float, float)
         The point that the spin turns about, and the moment is taken about, from the middle of the
         grid, mm.
-    falling : callable, optional
+    falling : callable or (float, float, float), optional
         Friction that depends on the slip: called as ``falling(s)`` with the size of the slip over
         the distance rolled in each element, it returns the factor of the bound there, at least
         zero. Of a speed v, the slip is at v s. The bound of the result is the product. Loads that
         the friction of no slip does not carry are reached by creepages, to 10 times the tolerance.
         A force that falls again beyond some creepage belongs to two: that is found which belongs
         to less slip, unless a `guess` is near the other.
+
+        Three numbers (μ_s, μ_k, s₀) are μ(s) = μ_k + (μ_s - μ_k) exp(-s/s₀) with the same s: the
+        coefficient without slip, in the place of `mu`, which is left out or equal, that of fast
+        slip, and the slip over the distance rolled on which it falls. A `bound` is then μ_s p.
     guess : TangentialResult, optional
         A result of rolling on this grid, whose tractions and areas the search starts from, in the
         place of those of coarser grids.
@@ -169,7 +173,17 @@ def rolling(
     ... )
     >>> bool(abs(rolled.force / (mu * p.sum() * 0.05) - (1 - 0.6**2)) < 0.01)
     True
+
+    Friction that falls from 0.3 to 0.2, by numbers:
+
+    >>> falls = rolling(
+    ...     bound=mu * p, element=0.05, material=Material.from_shear(G, nu), longitudinal=-0.02,
+    ...     falling=(0.3, 0.2, 0.005),
+    ... )
+    >>> round(float(falls.force / (mu * p.sum() * 0.05)), 2)  # Of μ_s P.
+    0.67
     """
+    mu, falling = read_law(falling, mu, bound)
     g, element, material = check_rolled(pressed, bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
     force = in_unit("force", force, grid.force_unit)
