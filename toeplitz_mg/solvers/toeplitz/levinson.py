@@ -92,9 +92,11 @@ def levinson_of_batch(C: Array, R: Array | None, B: Array) -> Array:
     """
     n, systems = C.shape
     x = np.zeros(B.shape, np.result_type(C, C if R is None else R, B))
-    # The predictors: A f = (e, 0, …, 0) and A g = (0, …, 0, e) for the leading block.
-    f, g, before = (np.zeros((n, systems), C.dtype) for _ in range(3))
-    f[0] = g[0] = 1.0
+    # The predictors: A f = (e, 0, …, 0) and A g = (0, …, 0, e) for the leading block. Of Hermitian
+    # matrices g is the conjugate of f in reverse.
+    f = np.zeros((n, systems), C.dtype)
+    f[0] = 1.0
+    g, before = f if R is None else f.copy(), f if R is None else f.copy()
     e = C[0].real.copy() if R is None else C[0].copy()
     x[0] = B[0] / e
     for k in range(1, n):
@@ -102,9 +104,9 @@ def levinson_of_batch(C: Array, R: Array | None, B: Array) -> Array:
         below = np.einsum("ks,ks->s", f[:k], column)
         rest = B[k] - np.einsum("kcs,ks->cs", x[:k], column)
         if R is None:
-            f[1 : k + 1] -= below / e * g[:k]
+            f[1 : k + 1] -= below / e * f[k - 1 :: -1].conj()
             e = e - (below.conj() * below).real / e
-            np.conjugate(f[k::-1], out=g[: k + 1])
+            g = f[k::-1].conj()
         else:
             above = np.einsum("ks,ks->s", g[:k], R[1 : k + 1])
             before[1 : k + 1] = g[:k]
@@ -174,7 +176,7 @@ def _errors(c: Array, r: Array, x: Array, b: Array) -> tuple[Array, Array]:
     # A[i, j] is the lag i - j.
     A = np.ndarray((n, n, systems), lags.dtype, lags, (n - 1) * step, (step, -step, next_one))
     rest = b - np.einsum("ijs,jks->iks", A, x)
-    errors, of_x, of_b = (np.linalg.norm(v, axis=0) for v in (rest, x, b))
+    errors, of_x, of_b = (np.sqrt(np.einsum("nks,nks->ks", v, v.conj()).real) for v in (rest, x, b))
     sizes = np.abs(lags)
     of_A = sizes.sum(axis=0)
     low, high = USUAL
