@@ -90,19 +90,14 @@ def iteration(solver: Any, preconditioner: Choice, A: Any, b: Array) -> Solve:
     return solve
 
 
-def stored(A: Any) -> Any:
-    """Return the dense matrix in sparse format."""
-    return csr_matrix(scipy.linalg.toeplitz(A.c))
-
-
 def as_it_comes(build: Any, A: Any) -> LinearOperator:
     """Return a cycle of one of pyamg's hierarchies for the stored matrix."""
-    return build(stored(A)).aspreconditioner()
+    return build(csr_matrix(scipy.linalg.toeplitz(A.c))).aspreconditioner()
 
 
 def by_pairs(A: Any) -> LinearOperator:
     """Return a cycle of pyamg's that is set up for this matrix."""
-    matrix, levels = stored(A), []
+    matrix, levels = csr_matrix(scipy.linalg.toeplitz(A.c)), []
     while True:
         level = pyamg.multilevel.MultilevelSolver.Level()
         level.A = matrix

@@ -130,10 +130,10 @@ def measure_channels(channels: Sequence[int], unknowns: Sequence[int]) -> Iterat
 def worst(rows: Sequence[Row]) -> list[Row]:
     """Return the largest ratios to the faster rival, and where they are."""
     table: list[Row] = []
-    for (name, columns), own in report.group(rows, "symbol", "columns").items():
+    for (symbol, columns), own in report.group(rows, "symbol", "columns").items():
         ratios = [(row["ratio"], row["n"]) for row in own if row["ratio"] is not None]
         ratio = "{:.2f} at {}".format(*max(ratios)) if ratios else "no rival"
-        table.append({"symbol": name, "columns": columns, "largest ratio": ratio})
+        table.append({"symbol": symbol, "columns": columns, "largest ratio": ratio})
     return table
 
 
@@ -149,12 +149,8 @@ def arrange(rows: Sequence[Row]) -> list[Row]:
             cells[f"{n:,}"] = report.format_seconds(value) if key.endswith("seconds") else shown
         return cells
 
-    titles = {
-        "scipy_seconds": "SciPy",
-        "by_hand_seconds": "CG with T. Chan's circulant by hand",
-        "seconds": "this package",
-        "ratio": "its time over that of the faster rival",
-    }
+    titles = {"scipy_seconds": "SciPy", "by_hand_seconds": "CG with T. Chan's circulant by hand"}
+    titles |= {"seconds": "this package", "ratio": "its time over that of the faster rival"}
     table = [
         line(f"contact kernel, {k} right-hand side{'s' * (k > 1)}: {title}", "contact", k, key)
         for k in COLUMNS

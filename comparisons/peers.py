@@ -4,9 +4,8 @@ Each is asked for the loosest tolerance, in half decades, whose answer violates 
 contact by no more than the target, measured with one matrix for all: by the natural residual
 a₀ |p - max(0, p - w/a₀)|, of the gap w under load, the largest over the largest interference, and
 likewise in friction, with Coulomb's bound, over the shift. (`tamaas` gets the fewest iterations.)
-Times are CPU seconds of set-up and solution, in processes of their own with one thread. Surfaces
-that repeat do so at several sizes. A package that is not installed is left out:
-``pip install --group peers`` and ``--group compiled-peers`` have them.
+Times are CPU seconds of set-up and solution, in processes of their own with one thread. Packages
+that are not installed are left out: ``pip install --group peers``, ``--group compiled-peers``.
 """
 
 import math
@@ -258,15 +257,9 @@ def measure(method: Callable[..., Answer], problem: Problem) -> Row:
     seconds = [method(problem, argument).seconds for _ in range(REPEATS)]
     reference = ours(problem, 1e-12).traction
     away = np.linalg.norm(answer.traction - reference) / np.linalg.norm(reference)
-    return {
-        "iterations": answer.iterations,
-        "products": answer.products,
-        "cpu_s": median(seconds),
-        "violation": problem.violation(answer.traction, answer.bound),
-        "traction_error": float(away),
-        "asked": asked,
-        "note": "",
-    }
+    row: Row = {"iterations": answer.iterations, "products": answer.products}
+    row |= {"cpu_s": median(seconds), "traction_error": float(away), "asked": asked, "note": ""}
+    return row | {"violation": problem.violation(answer.traction, answer.bound)}
 
 
 def problems(N: int, larger: Sequence[int] = ()) -> list[Problem]:

@@ -119,7 +119,11 @@ class Table:
         if not self._widths:
             print(f"\n{self.title}\n")
         if not cells.keys() <= self._widths.keys():
-            self._print_header(cells)
+            for key, cell in cells.items():
+                width = max(len(key), len(cell), NARROWEST, self.room.get(key, 0))
+                self._widths.setdefault(key, width)
+            print("  ".join(key.ljust(width) for key, width in self._widths.items()).rstrip())
+            print("  ".join("-" * width for width in self._widths.values()))
         line = (cells.get(key, "").ljust(width) for key, width in self._widths.items())
         print("  ".join(line).rstrip(), flush=True)
 
@@ -127,13 +131,6 @@ class Table:
         """Print rows as they come."""
         for row in rows:
             self.add(row)
-
-    def _print_header(self, cells: Mapping[str, str]) -> None:
-        for key, cell in cells.items():
-            width = max(len(key), len(cell), NARROWEST, self.room.get(key, 0))
-            self._widths.setdefault(key, width)
-        print("  ".join(key.ljust(width) for key, width in self._widths.items()).rstrip())
-        print("  ".join("-" * width for width in self._widths.values()))
 
 
 def group(rows: Iterable[Row], *keys: str) -> dict[Any, list[Row]]:

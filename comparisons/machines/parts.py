@@ -16,12 +16,8 @@ from comparisons.harness import report
 from comparisons.machines import gpu, ranks, threads, transforms
 
 Part = Callable[..., None]
-PARTS: dict[str, Part] = {
-    "threads": threads.run,
-    "ranks": ranks.run,
-    "transforms": transforms.run,
-    "gpu": gpu.run,
-}
+PARTS: dict[str, Part] = {"threads": threads.run, "ranks": ranks.run, "gpu": gpu.run}
+PARTS["transforms"] = transforms.run
 USUAL = "threads", "ranks"  # The parts that every machine has.
 RANKS = "launcher", "nodes", "side", "model"  # Options of `ranks`.
 QUICK: dict[str, dict[str, Any]] = {
@@ -51,12 +47,11 @@ def main(argv: Sequence[str] | None = None, quick: Mapping[str, Mapping[str, Any
     extents: dict[str, dict[str, Any]] = {
         "threads": {"cores": arguments.cores},
         "ranks": {name: getattr(arguments, name) for name in RANKS},
-        "transforms": {},
         "gpu": {
             "libraries": arguments.library or gpu.LIBRARIES[:1],
             "sizes": [n for n in gpu.SIZES if n <= arguments.largest],
         },
     }
     for part in arguments.parts or USUAL:
-        extent = extents[part] | dict(quick[part] if arguments.quick else {})
+        extent = extents.get(part, {}) | dict(quick[part] if arguments.quick else {})
         PARTS[part](arguments.output, **extent)

@@ -166,14 +166,11 @@ def modelled(node: Node, model: Sequence[int]) -> Iterator[Row]:
     for nodes in model:
         n = round((2.0**27 * max(nodes, 2)) ** 0.5)
         p = predict(node, nodes, n)
-        yield {
-            "nodes": nodes,
-            "n": n,
-            "rows a node": n // nodes,
-            "GB a node": f"{p.memory / 1e9:.0f}",
-            "message MB": f"{p.message / 1e6:.2g}" if nodes > 1 else "",
-            "product s": f"{p.product:.2f}",
-            "of it messages s": f"{p.exchange:.2f}",
-            "CG + FSAI s": f"{10 * p.fsai:.0f}",
+        row: Row = {"nodes": nodes, "n": n, "rows a node": n // nodes}
+        row |= {"GB a node": f"{p.memory / 1e9:.0f}"}
+        row |= {"message MB": f"{p.message / 1e6:.2g}" if nodes > 1 else ""}
+        row |= {"product s": f"{p.product:.2f}", "of it messages s": f"{p.exchange:.2f}"}
+        row |= {"CG + FSAI s": f"{10 * p.fsai:.0f}"}
+        yield row | {
             "CG + cosine s": f"{20 * p.cosine:.0f}",
         }

@@ -169,8 +169,8 @@ def figure_11() -> Figure:
     exact = np.linalg.inv(A.toarray()).sum(axis=1)
     approximate = tmg.fft_preconditioner(A).toarray().sum(axis=1)
     figure, (axes,) = subplots(1, "row", "row sum, for G = 1")
-    axes.plot(ELEMENT, exact, label="sum($A^{-1}$)", **DOTS)
-    axes.plot(ELEMENT, approximate, label="sum($M$)", **CIRCLES)
+    for sums, name, style in ((exact, "A^{-1}", DOTS), (approximate, "M", CIRCLES)):
+        axes.plot(ELEMENT, sums, label=f"sum(${name}$)", **style)
     axes.set_title("Row sums of $A^{-1}$ and of $M$")
     axes.legend()
     return figure

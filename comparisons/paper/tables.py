@@ -58,17 +58,11 @@ def measure(
     guess = np.random.default_rng(0).random(len(problem.b))
     first = np.linalg.norm(problem.b - problem.A @ guess) / np.linalg.norm(problem.b)
     run = solve(problem.A, problem.b, lambda _: M, guess, solver=tmg.richardson, maxiter=MAXITER)
-    return {
-        "test": test,
-        "method": method,
-        "n": 2**log_n,
-        "iterations": run.iterations,
-        "factor": float((run.residual / first) ** (1 / run.iterations)),
-        "work_units": run.solve_units,
-        "converged": run.info == 0,
-        "paper_iterations": paper.iterations if paper else None,
-        "paper_factor": paper.factor if paper else None,
-    }
+    row: Row = {"test": test, "method": method, "n": 2**log_n, "iterations": run.iterations}
+    row["factor"] = float((run.residual / first) ** (1 / run.iterations))
+    row |= {"work_units": run.solve_units, "converged": run.info == 0}
+    row["paper_iterations"] = paper.iterations if paper else None
+    return row | {"paper_factor": paper.factor if paper else None}
 
 
 def spectral_radii(cycle: str) -> Iterator[tuple[int, float]]:
@@ -91,17 +85,14 @@ def tabulate_radii() -> Iterator[Row]:
         yield {"": "the paper"} | {f"n = {n}": f"{r:.3g}" for n, r in paper.items()}
 
 
-def _papers_solver(problem: problems.Problem) -> LinearOperator:
-    return tmg.fft_rsm_preconditioner(problem.A)
-
-
 def measure_table(number: str, sizes: Sequence[int]) -> Iterator[Row]:
     """Yield the cells of a table, of cycles or of the FFT+RSM smoother as a solver."""
     if number in SOLVER_TABLES:
         for test in SOLVER_TABLES[number]:
             for k in sizes:
                 paper = published.SOLVER[test].get(k)
-                yield {"table": number} | measure(test, "solver", k, _papers_solver, paper)
+                row = measure(test, "solver", k, lambda p: tmg.fft_rsm_preconditioner(p.A), paper)
+                yield {"table": number} | row
         return
     smoother, columns, test = CYCLE_TABLES[number]
     for cycle in CYCLES:

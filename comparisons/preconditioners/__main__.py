@@ -22,7 +22,6 @@ PARTS: dict[str, Part] = {
     "cycles": cycles.run,
     "picture": areas.draw,
 }
-FULL: dict[str, dict[str, Any]] = {part: {} for part in PARTS}
 QUICK: dict[str, dict[str, Any]] = {
     "areas": {"sizes": (32,), "lines": (2048,), "methods": ("none", "cosine", "FSAI", "default")},
     "symbols": {"sizes": (2**8,)},
@@ -47,7 +46,7 @@ def main(argv: Sequence[str] | None = None, quick: Mapping[str, Mapping[str, Any
     )
     folder: Path = arguments.output
     for part in arguments.parts or PARTS:
-        extent = dict((quick if arguments.quick else FULL)[part])
+        extent = dict(quick[part] if arguments.quick else {})
         if part == "areas":
             chosen = {"areas": arguments.areas, "methods": arguments.methods}
             extent |= {name: names for name, names in chosen.items() if names}

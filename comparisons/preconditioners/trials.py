@@ -22,7 +22,7 @@ SIZES = (64, 256)
 METHODS = ("none", "FSAI", "cosine", "sine", "T. Chan")
 MAXITER = 300  # Iterations after which a method is given up.
 AREAS: dict[str, Callable[[int], Array]] = {
-    "full": masks.square,
+    "full": masks.FRAGMENTED["full"],
     "circle": masks.circle,
     "random, 60 %": partial(masks.random, 0.6),
 }

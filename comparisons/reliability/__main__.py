@@ -1,10 +1,9 @@
 """Random problems by the thousand: no answer is silently wrong, no easy problem refused.
 
-Systems, approximate inverses and contact problems, each from a seed of its own and checked
-against a dense definition, or against the
-conditions that the answer is to obey. What is tried and what fails is printed and written as a
-table; a failure is given with its seed, and ``--parts PART --first SEED --trials 1`` repeats it.
-The command ends with status 1 where anything has failed.
+Systems, approximate inverses and contact problems, each from a seed of its own and checked against
+a dense definition, or against the conditions that the answer is to obey. What is tried and what
+fails is printed and written as a table; a failure is given with its seed, and ``--parts PART
+--first SEED --trials 1`` repeats it. The command ends with status 1 where anything has failed.
 """
 
 import os
@@ -64,19 +63,14 @@ def main(
             for result in run(trial, seeds, processes):
                 results.append(result)
                 if result.outcome.verdict == FAILED:
-                    failures.append(describe(part, result))
+                    outcome, row = result.outcome, {"part": part, "seed": result.seed}
+                    failures.append(row | {"family": outcome.family, "note": outcome.note})
                     print(f"{part}, seed {result.seed}: {result.outcome.note}", flush=True)
         finally:  # Where it is interrupted, of what there is.
             table.extend(_summary(part, results))
             report.write_csv(folder / "failures.csv", failures)
     print(f"\n{sum(row['tried'] for row in table.rows)} tried, {len(failures)} failures")
     sys.exit(bool(failures))
-
-
-def describe(part: str, result: Result) -> report.Row:
-    """Return a failure as a row: its seed gives it again."""
-    outcome = result.outcome
-    return {"part": part, "seed": result.seed, "family": outcome.family, "note": outcome.note}
 
 
 def _summary(part: str, results: Sequence[Result]) -> list[report.Row]:

@@ -4,20 +4,18 @@ The influence of each element on each is evaluated by itself, where it is and on
 along x: no matrix of the solver is part of the check.
 """
 
-import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from comparisons.reliability.trials import FAILED, RIGHT, TOLD, Outcome
+from comparisons.reliability.trials import Outcome, judge
 from comparisons.systems.conditions import coulomb_residual
 from comparisons.systems.random_matrices import log_uniform, random_grid
 from toeplitz_mg import halfspace
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact import (
-    ContactError,
     Material,
     TangentialResult,
     rolling,
@@ -95,15 +93,7 @@ def rolling_problem(rng: Generator) -> Outcome:
         size * rng.standard_normal(3) / [1.0, 1.0, h * max(shape)],
     )
     kind = str(rng.choice([*TRIALS]))
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        try:
-            wrong = TRIALS[kind](rng, problem)
-        except ContactError as error:
-            wrong = str(error)
-    if wrong:
-        return Outcome(kind, FAILED, f"{shape}: {wrong}")
-    return Outcome(kind, TOLD if told else RIGHT)
+    return judge(kind, shape, lambda: TRIALS[kind](rng, problem))
 
 
 def influences(

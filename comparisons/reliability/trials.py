@@ -10,9 +10,11 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from multiprocessing import get_context
 from types import FrameType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from toeplitz_mg.contact import ContactError
 
 # An answer that is less than was asked for, of which the user is told; an error that is due; what
 # is silently wrong, an error of another kind, or a problem refused that has a good answer.
@@ -37,6 +39,19 @@ class Result(NamedTuple):
 
 
 Trial = Callable[[np.random.Generator], Outcome]
+
+
+def judge(family: str, where: Any, solve: Callable[[], str]) -> Outcome:
+    """Return what becomes of a contact problem that says what is wrong with its answer."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            wrong = solve()
+        except ContactError as error:
+            wrong = str(error)
+    if wrong:
+        return Outcome(family, FAILED, f"{where}: {wrong}")
+    return Outcome(family, TOLD if told else RIGHT)
 
 
 def run(trial: Trial, seeds: range, processes: int) -> Iterator[Result]:

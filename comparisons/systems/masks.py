@@ -15,11 +15,6 @@ def restrict(full: LinearOperator, mask: Mask) -> LinearOperator:
     return full if mask.all() else MaskedOperator(full, mask)
 
 
-def square(N: int) -> Array:
-    """Return the mask of a square, N x N elements."""
-    return np.ones((N, N), dtype=bool)
-
-
 def _radius(N: int) -> Array:
     """Return the distances of the elements' centres from the middle, in half sides."""
     x = (2.0 * np.arange(N) + 1.0) / N - 1.0
@@ -54,9 +49,8 @@ def two_patches(N: int) -> Array:
     return corners[0] | corners[1]
 
 
-AREAS: dict[str, Callable[[int], Array]] = {"square": square, "circle": circle}  # Of punches.
 FRAGMENTED: dict[str, Callable[[int], Array]] = {
-    "full": square,
+    "full": lambda N: np.ones((N, N), dtype=bool),
     "circle": circle,
     "annulus": lambda N: circle(N) & (_radius(N) > 0.5),
     "two patches": two_patches,

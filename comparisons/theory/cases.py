@@ -1,14 +1,10 @@
 """Contact problems against theory: errors and their order, products, the violation recomputed.
 
-Hertz (line, sphere, ellipse), Westergaard's wave, flat punches, Cattaneo and Mindlin (line,
-sphere), friction of surfaces that repeat (Ciavarella, Jäger), Carter (by creepage, by force, by
-friction that falls, from rest), Bufler's unlike rollers, Kalker's coefficients, and stresses below
-a line and a sphere. An error is the root mean square of four grids of nearly the same N elements
+`CASES` has them. An error is the root mean square of four grids of nearly the same N elements
 across, as it jumps with the place of the edge of an area in its element; the order is the power of
-1/N by which it falls. Rough surfaces, that end and that repeat, have no theory: their products, and
-whether all conditions hold. Last come numbers that others have printed: Kalker's tables, of three
-digits, the creepages of aluminium on steel, a soft sphere that is pressed on a rigid plane in 35
-steps.
+1/N by which it falls. Rough surfaces have no theory: their products, and whether all conditions
+hold. Last come numbers that others have printed: Kalker's tables, of three digits, the creepages of
+aluminium on steel, a soft sphere that is pressed on a rigid plane in 35 steps.
 """
 
 import warnings
@@ -110,18 +106,14 @@ def compare(table: report.Table, errors: list[Row], case: str, quick: bool, fold
     finally:
         process.end()
     if len(sizes) > 1 and own:
-        table.add({"case": case, "N": "order", "errors": list_orders(errors, case)})
+        orders = orders_of([row for row in errors if row["case"] == case])
+        powers = ", ".join(f"{quantity} {power:.1f}" for quantity, power in orders.items())
+        table.add({"case": case, "N": "order", "errors": powers})
 
 
 def list_errors(rows: Sequence[Row]) -> str:
     """Return the errors of a grid in a line, without those of what is given."""
     return ", ".join(f"{r['quantity']} {r['error']:.0e}" for r in rows if r["error"] > GIVEN)
-
-
-def list_orders(errors: Sequence[Row], case: str) -> str:
-    """Return the orders of all quantities of a case in a line."""
-    orders = orders_of([row for row in errors if row["case"] == case])
-    return ", ".join(f"{quantity} {power:.1f}" for quantity, power in orders.items())
 
 
 def orders_of(rows: Sequence[Row]) -> dict[str, float]:

@@ -38,21 +38,14 @@ ROLLERS = Material.from_shear(0.35, 0.3), Material.from_shear(1.4, 0.3)  # Unlik
 KALKERS = "Kalker's C11, C22, C23, C33, "  # Rows of his tables start with this.
 # C11, C22, C23 and C33 by the ratio a/b and Poisson's ratio, of Kalker (1990).
 TABLES = {
-    (0.1, 0.0): (2.51, 2.51, 0.334, 6.42),
-    (0.1, 0.25): (3.31, 2.52, 0.473, 8.28),
-    (0.1, 0.5): (4.85, 2.53, 0.731, 11.7),
-    (0.5, 0.0): (2.88, 2.88, 0.827, 1.74),
-    (0.5, 0.25): (3.62, 3.01, 0.929, 1.93),
-    (0.5, 0.5): (4.83, 3.14, 1.07, 2.22),
-    (1.0, 0.0): (3.40, 3.40, 1.33, 1.21),
-    (1.0, 0.25): (4.12, 3.67, 1.47, 1.19),
-    (1.0, 0.5): (5.20, 3.98, 1.63, 1.16),
-    (2.0, 0.0): (4.37, 4.37, 2.35, 0.958),
-    (2.0, 0.25): (5.10, 4.90, 2.62, 0.819),
-    (2.0, 0.5): (6.11, 5.56, 2.96, 0.650),
-    (10.0, 0.0): (10.7, 10.7, 12.2, 0.795),
-    (10.0, 0.25): (11.7, 12.8, 14.6, 0.526),
-    (10.0, 0.5): (12.9, 16.0, 18.0, 0.228),
+    **{(0.1, 0.0): (2.51, 2.51, 0.334, 6.42), (0.1, 0.25): (3.31, 2.52, 0.473, 8.28)},
+    **{(0.1, 0.5): (4.85, 2.53, 0.731, 11.7), (0.5, 0.0): (2.88, 2.88, 0.827, 1.74)},
+    **{(0.5, 0.25): (3.62, 3.01, 0.929, 1.93), (0.5, 0.5): (4.83, 3.14, 1.07, 2.22)},
+    **{(1.0, 0.0): (3.40, 3.40, 1.33, 1.21), (1.0, 0.25): (4.12, 3.67, 1.47, 1.19)},
+    **{(1.0, 0.5): (5.20, 3.98, 1.63, 1.16), (2.0, 0.0): (4.37, 4.37, 2.35, 0.958)},
+    **{(2.0, 0.25): (5.10, 4.90, 2.62, 0.819), (2.0, 0.5): (6.11, 5.56, 2.96, 0.650)},
+    **{(10.0, 0.0): (10.7, 10.7, 12.2, 0.795), (10.0, 0.25): (11.7, 12.8, 14.6, 0.526)},
+    **{(10.0, 0.5): (12.9, 16.0, 18.0, 0.228)},
 }
 # Of aluminium and steel, N/mm²; their radius, mm, and load, N/mm (Bentall and Johnson, 1967).
 METALS = Material.from_shear(23000.0, 0.31), Material.from_shear(82000.0, 0.28)
@@ -91,8 +84,8 @@ def falling_friction(slip: Array) -> Array:
     return 0.5 + 0.5 / (1.0 + slip / 0.1)
 
 
-def against_carter(result: TangentialResult, x: Array, bound: Array) -> Solved:
-    """Return the errors of a result against Carter's theory."""
+def against_carter(result: TangentialResult, x: Array, bound: Array, given: str) -> Solved:
+    """Return the errors of a result against Carter's theory, but for what is given."""
     theory = carter_traction(x)
     errors = {
         "a′": result.stick_area / (2.0 * PART * A) - 1.0,
@@ -100,6 +93,7 @@ def against_carter(result: TangentialResult, x: Array, bound: Array) -> Solved:
         "F": result.force / FORCE - 1.0,
         "traction": rms(result, theory),
     }
+    del errors[given]
     return Solved([result], errors, theory, bound=bound)
 
 
@@ -107,17 +101,13 @@ def carter(N: int) -> Solved:
     """A cylinder that drives, and sticks in 0.6 of its contact."""
     x, g, h = carter_bound(N)
     result = rolling(bound=g, element=h, material=UNIT, longitudinal=-MU * A * (1.0 - PART))
-    solved = against_carter(result, x, g)
-    del solved.errors["ξ"]  # It is given.
-    return solved
+    return against_carter(result, x, g, "ξ")
 
 
 def carter_by_force(N: int) -> Solved:
     """The same, by the force that it carries: its creepage is found."""
     x, g, h = carter_bound(N)
-    solved = against_carter(rolling(bound=g, element=h, material=UNIT, force=FORCE), x, g)
-    del solved.errors["F"]
-    return solved
+    return against_carter(rolling(bound=g, element=h, material=UNIT, force=FORCE), x, g, "F")
 
 
 def carter_falling(N: int) -> Solved:
@@ -126,9 +116,7 @@ def carter_falling(N: int) -> Solved:
     before = g / falling_friction(np.where(x < (1.0 - 2.0 * PART) * A, carter_slip(x), 0.0))
     given: dict[str, Any] = {"material": UNIT, "longitudinal": -MU * A * (1.0 - PART)}
     result = rolling(bound=before, element=h, falling=falling_friction, **given)
-    solved = against_carter(result, x, before * falling_friction(np.abs(result.slip)))
-    del solved.errors["ξ"]
-    return solved
+    return against_carter(result, x, before * falling_friction(np.abs(result.slip)), "ξ")
 
 
 def carter_from_rest(N: int) -> Solved:
@@ -139,8 +127,7 @@ def carter_from_rest(N: int) -> Solved:
         bound=g, steps=round(4.0 * A / h), previous=friction(bound=g, **case), **case
     )
     *_, last = steps
-    solved = against_carter(last, x, g)
-    del solved.errors["F"]
+    solved = against_carter(last, x, g, "F")
     steady = Solved([rolling(bound=g, **case)], solved.errors, solved.theory, bound=g)
     steady.errors["from steady"] = rms(last, steady.results[0].traction)
     return steady

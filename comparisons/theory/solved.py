@@ -1,7 +1,6 @@
 """What a problem with a known answer gives: errors, products, violations; and how errors fall.
 
-All are those of a sphere or cylinder of radius 1 and of E* = 1, of half width 0.6, on [-1, 1],
-unless they say so.
+Unless they say so bodies have the radius 1, E* = 1, and a contact of half width 0.6, on [-1, 1].
 """
 
 from collections.abc import Sequence

@@ -1,9 +1,8 @@
 """Jobs as users have them: their CPU time in this tree beside that in another revision.
 
 ``python -m comparisons.workloads --against REV`` checks the revision out in a worktree of its own
-and runs every job of `jobs` in both trees: the same file, by public names alone. ``--jobs`` runs
-those that have one of some texts in their name or family. Without ``--against`` it prints the times
-of this tree.
+and runs every job of `jobs` in both trees: the same file, by public names alone; without it times
+are of this tree alone. ``--jobs`` runs those that have one of some texts in their name or family.
 
 Every run of a job is a new process, forked from one that has imported the package and done nothing
 else. The trees take turns, as often as ``--runs`` says, each turn forked from another process, and

@@ -177,8 +177,7 @@ def inverse(n: int, columns: int) -> Run:
 
 def log_determinant(n: int) -> Run:
     """Prepare a log-determinant."""
-    c = matern(n)
-    return lambda: np.array([tmg.toeplitz_logdet(c)])
+    return partial(lambda c: np.array([tmg.toeplitz_logdet(c)]), matern(n))
 
 
 def likelihood(n: int, gaps: int) -> Run:
