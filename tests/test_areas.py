@@ -7,7 +7,6 @@ from comparisons.systems import masks
 from tests.budgets import assert_within_budget
 from tests.test_fsai import both_iterations, half_space
 from tests.test_fsai_coupled import tangential
-from toeplitz_mg.paper.problems import test1 as line_contact
 
 pytestmark = pytest.mark.slow  # The grids have up to 2048² elements.
 
@@ -34,13 +33,6 @@ def test_on_2048_squared(full):
     found, few = both_iterations(large), both_iterations(tmg.MaskedOperator(full, area(512)))
     assert found[0] <= few[0] + 2
     assert found[1] <= few[1] + 2
-
-
-def test_on_ten_thousand_islands_of_a_line():
-    n = 2**20
-    A = tmg.MaskedOperator(line_contact(n).A, masks.islands(10_000, n))
-    count = max(both_iterations(A))
-    assert_within_budget("FSAI, 10,000 islands of a line", iterations=count)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 4.0, 0.25])

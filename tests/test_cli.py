@@ -135,11 +135,6 @@ def test_threads_are_those_asked_for_or_all_cores(command, monkeypatch):
     assert scipy.fft.get_workers() == 1
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
-def test_tiny_problems(n):
-    assert main(["-n", str(n)]) == 0
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

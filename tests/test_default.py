@@ -98,11 +98,6 @@ def test_few_iterations_and_a_set_up_that_pays(case):
     check(case, MATRICES[case])
 
 
-@pytest.mark.parametrize("n", [1000, 4000, 2**16])
-def test_a_covariance_as_wide_as_the_matrix_takes_no_more_of_a_finer_one(n):
-    check("as wide as the matrix", tmg.ToeplitzOperator(np.exp(-np.arange(float(n)) / n)))
-
-
 @pytest.mark.parametrize("area", masks.FRAGMENTED)
 def test_areas_of_a_half_space(area):
     A = tmg.MaskedOperator(tmg.ToeplitzOperator(contact(96, 96)), masks.FRAGMENTED[area](96))

@@ -124,16 +124,6 @@ def test_no_friction_at_all_where_it_slips_fast():
     assert_allclose(result.bound[slip > 1e-3], 0.0, atol=1e-9)
 
 
-def test_friction_that_falls_too_steeply_is_no_other_error():
-    """Between friction that elements slide slowly by, and hardly any, where they slide fast."""
-
-    def falls(s):
-        return np.maximum(0.0, 1.0 - s / 0.07)
-
-    with pytest.raises(ContactError, match="friction falls too steeply"):
-        circle(24, (0.1, 0.0, 0.1), falling=falls, max_products=200)
-
-
 def test_says_how_steep_friction_is_where_it_does_not_settle():
     """An element slips slowly by much friction and fast by little, which are those of the other."""
 
@@ -240,6 +230,13 @@ def test_loads_that_friction_of_no_slip_carries_are_refused():
     message = r"the loads together are 1\.\d+ times what the friction of any slip carries"
     with pytest.raises(ValueError, match=message):
         circle(16, (0.0, 0.0, 0.0), falling=oil, **loads)
+    # Between friction that elements slide slowly by, and hardly any, where they slide fast.
+
+    def falls(s):
+        return np.maximum(0.0, 1.0 - s / 0.07)
+
+    with pytest.raises(ContactError, match="friction falls too steeply"):
+        circle(24, (0.1, 0.0, 0.1), falling=falls, max_products=200)
 
 
 @pytest.mark.parametrize("across", [None, 0.0])

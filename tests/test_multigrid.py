@@ -396,14 +396,6 @@ def half_space(kind, shape, element=None):
     return influence(kind, np.ones(shape, bool), element or tuple(2.0 / n for n in shape))
 
 
-@pytest.mark.parametrize("shape", [(32, 32), (33, 32), (20, 50), (64, 1), (31, 31)], ids=str)
-def test_two_axes_of_toeplitz_structure(shape):
-    A = tmg.ToeplitzOperator(contact(*shape))
-    for B in (A, tmg.MaskedOperator(A, np.hypot(*np.indices(shape)) < 0.8 * max(shape))):
-        count = cg_iterations(B, coarsest=16)
-        assert_within_budget("CG with V(1,1), small grids of two axes", iterations=count)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["normal", "tangential"])
 @pytest.mark.parametrize("area", ["full", "circle"])
@@ -431,16 +423,6 @@ def test_odd_grids_take_no_more_iterations_than_even_ones(even, odd, element):
         count = cg_iterations(half_space(kind, odd, element))
         assert count <= beside + 1
         assert_within_budget("CG with V(1,1), odd grids", iterations=count)
-
-
-def test_odd_grids_rediscretised():
-    for n in (64, 65, 100, 101, 127):
-        A = half_space("normal", (n, n))
-        coarsen = tmg.rediscretised(lambda shape: half_space("normal", shape))
-        in_cg = cg_iterations(A, coarsen=coarsen)
-        assert_within_budget("CG with V(1,1), rediscretised", iterations=in_cg)
-        alone = iterations(tmg.richardson, A, tmg.multigrid(A, pre=0, coarsen=coarsen))
-        assert_within_budget("V(0,1), rediscretised", iterations=alone)
 
 
 def test_odd_grids_of_three_axes():

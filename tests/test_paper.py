@@ -5,13 +5,11 @@ from functools import partial
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.sparse.linalg import cg
 
 import toeplitz_mg as tmg
 from comparisons.paper.tables import CYCLE_TABLES, CYCLES, papers_cycle, spectral_radii
-from tests.budgets import assert_within_budget
 from toeplitz_mg.paper import algorithm, published
-from toeplitz_mg.paper.problems import TESTS, test1, test2
+from toeplitz_mg.paper.problems import TESTS, test1
 
 FFT, SD, RSM = tmg.fft_preconditioner, tmg.fft_sd_preconditioner, tmg.fft_rsm_preconditioner
 
@@ -117,26 +115,3 @@ def test_tables_7_and_9(test, log_n):
 def test_deflation_with_two_smoothing_steps_does_not_converge(test):
     problem = TESTS[test](2**15)
     assert iterations(problem, papers_cycle(problem, "V(1,1)", SD))[0] == np.inf
-
-
-@pytest.mark.parametrize("test", TESTS)
-def test_work_units(test):
-    n = 2**15
-    problem = TESTS[test](n)
-    for solve, arguments in ((tmg.richardson, {"pre": 0}), (cg, {})):
-        M = tmg.multigrid(problem.A, coarsest=2, **arguments)
-        steps = []
-        with tmg.count_products() as work:
-            solve(problem.A, problem.b, M=M, rtol=1e-8, callback=steps.append)
-        case = f"a step of {solve.__name__} with a cycle"
-        assert_within_budget(case, work_units=work.units(n) / len(steps))
-
-
-def test_cg_with_the_plain_preconditioner():
-    for test in (test1, test2):
-        for n in (2**8, 1000, 2**12, 2**17):
-            problem = test(n)
-            steps = []
-            _, info = cg(problem.A, problem.b, M=FFT(problem.A), rtol=1e-8, callback=steps.append)
-            assert info == 0
-            assert_within_budget("CG with M, tests 1 and 2", iterations=len(steps))

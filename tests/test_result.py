@@ -142,10 +142,6 @@ def test_nothing_of_a_result_can_be_written_nor_of_a_copy(result):
         setattr(result, name, 0.0)
 
 
-def test_a_copy_has_the_stiffness():
-    assert_allclose(pickle.loads(pickle.dumps(PRESSED)).stiffness, PRESSED.stiffness)
-
-
 def test_an_array_of_the_user_stays_his():
     bound = np.full((16, 16), 0.5)
     bound[0] = 0.0

@@ -196,6 +196,12 @@ def test_refuses_results_that_do_not_belong_together_or_repeat_or_are_of_one_ran
     rows = dataclasses.replace(sphere(24), shape=(48, 24))
     with pytest.raises(ValueError, match=r"a result has the rows of one rank, \(24, 24\) of"):
         subsurface_stresses(rows, depths=0.1)
+    on_rigid = line(16, material=(SOFT, Material.rigid()))
+    assert subsurface_stresses(on_rigid, depths=0.1).body == "first"
+    with pytest.raises(ValueError, match="the second body is rigid"):
+        subsurface_stresses(on_rigid, depths=0.1, body="second")
+    with pytest.raises(ValueError, match="of which the bodies are not known"):
+        subsurface_stresses(line(16, material=CombinedMaterial(1.0, 0.3)), depths=0.1)
 
 
 def test_tractions_without_a_pressure_are_doubted():
@@ -207,15 +213,6 @@ def test_tractions_without_a_pressure_are_doubted():
     assert caught[0].filename == __file__
     with warnings.catch_warnings(action="error"):
         subsurface_stresses(larger, shifted, depths=0.1)
-
-
-def test_refuses_bodies_that_are_rigid_or_unknown():
-    on_rigid = line(16, material=(SOFT, Material.rigid()))
-    assert subsurface_stresses(on_rigid, depths=0.1).body == "first"
-    with pytest.raises(ValueError, match="the second body is rigid"):
-        subsurface_stresses(on_rigid, depths=0.1, body="second")
-    with pytest.raises(ValueError, match="of which the bodies are not known"):
-        subsurface_stresses(line(16, material=CombinedMaterial(1.0, 0.3)), depths=0.1)
 
 
 @pytest.mark.parametrize("make", [sphere, line])
