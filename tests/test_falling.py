@@ -164,24 +164,21 @@ def test_refuses_what_is_no_friction(falling, error, message):
         rolling(bound=np.ones((4, 4)), element=(1.0, 1.0), material=soft, falling=falling)
 
 
-LAW = (0.4, 0.3, 0.02)
-
-
 @doubtful
 def test_three_numbers_are_the_function():
     """μ_k + (μ_s - μ_k) exp(-s/s₀): of a bound, and of pressures with `mu` or without."""
-    mu_s, mu_k, s0 = LAW
+    mu_s, mu_k, s0 = law = (0.4, 0.3, 0.02)
     by = {"falling": lambda s: (mu_k + (mu_s - mu_k) * np.exp(-s / s0)) / mu_s}
     _, expected = circle(16, (0.05, 0.0, 0.05), **by)
-    _, found = circle(16, (0.05, 0.0, 0.05), falling=LAW)
+    _, found = circle(16, (0.05, 0.0, 0.05), falling=law)
     assert_allclose(found.traction, expected.traction, atol=1e-12)
     gap = surfaces.sphere((16, 16), (0.2, 0.2), radius=5.0)
     pressed = normal_contact(gap, (0.2, 0.2), material=MATERIAL, force=0.3)
     known = rolling(pressed, mu=mu_s, **by, longitudinal=0.05)
     for given in ({}, {"mu": mu_s}):
-        found = rolling(pressed, **given, falling=list(LAW), longitudinal=0.05)
+        found = rolling(pressed, **given, falling=list(law), longitudinal=0.05)
         assert_allclose(found.traction, known.traction, atol=1e-12)
-    refuses(ValueError, "mu is 0.3, but falling has mu_s", rolling, pressed, mu=0.3, falling=LAW)
+    refuses(ValueError, "mu is 0.3, but falling has mu_s", rolling, pressed, mu=0.3, falling=law)
 
 
 def oil(s):

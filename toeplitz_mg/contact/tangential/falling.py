@@ -44,9 +44,7 @@ def read_law(falling: Law | None, mu: Any, bound: Any) -> tuple[Any, Any]:
         return mu, falling
     given = field("falling", falling)
     if given.shape != (3,):
-        raise ValueError(
-            f"falling has shape {given.shape}, but must be three numbers, (mu_s, mu_k, s0)"
-        )
+        raise ValueError(f"falling has shape {given.shape}, but must be (mu_s, mu_k, s0)")
     static = positive("mu_s of falling", given[0])
     kinetic, distance = float(given[1]), positive("s0 of falling", given[2])
     if not 0.0 <= kinetic < np.inf:

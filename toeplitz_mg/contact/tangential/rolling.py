@@ -183,14 +183,14 @@ def rolling(
     >>> round(float(falls.force / (mu * p.sum() * 0.05)), 2)  # Of μ_s P.
     0.67
     """
-    mu, falling = read_law(falling, mu, bound)
+    mu, factor = read_law(falling, mu, bound)
     g, element, material = check_rolled(pressed, bound, element, material, mu)
     grid = Grid.of(g.shape, element, material, None)
     force = in_unit("force", force, grid.force_unit)
     asked = (longitudinal, lateral, spin), force, moment, slip, pole
     search = tolerance, nested, max_products, progress, options, guess
     rolled = grid.agree(Rolled.of, g.shape, asked, *search)
-    result = roll(grid, g, rolled, progress, guess, may_slide=falling is None, falling=falling)
+    result = roll(grid, g, rolled, progress, guess, may_slide=factor is None, falling=factor)
     result = doubts.add(result, doubts.examine_friction(grid, mu))
     check_converged(result, tolerance, compare_loads(result, force, moment))
     known = getattr(pressed, "warnings", ())
