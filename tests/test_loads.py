@@ -1,12 +1,14 @@
 """Load curves have the answers of single loads, in fewer products; the stiffness is their slope."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 import toeplitz_mg as tmg
+from tests.systems import refuses
 from tests.test_friction import doubtful
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
@@ -14,6 +16,7 @@ from toeplitz_mg.contact import (
     ContactWarning,
     Material,
     friction,
+    hertz,
     load_curve,
     normal_contact,
     surfaces,
@@ -184,6 +187,28 @@ def test_stiffness_is_the_slope_of_the_curve():
     curve = list(load_curve(gap, element, material=UNIT, forces=loads, tolerance=1e-11))
     slope = (loads[2] - loads[0]) / (curve[2].approach - curve[0].approach)
     assert_allclose(curve[1].stiffness, slope, rtol=1e-3)
+
+
+@doubtful
+def test_conductance_is_the_inverse_of_holms_resistance():
+    """(1/k₁ + 1/k₂)/(4 a) for a round spot; refused where the analogy ends."""
+    element, bodies = (0.02, 0.02), (Material(E=120000.0, nu=0.34), Material(E=7e4, nu=0.2))
+    gap = surfaces.sphere((64, 64), element, radius=10.0)
+
+    def press(force=60.0, **more):
+        return normal_contact(gap, element, material=bodies, force=force, **more)
+
+    whole, a = press(), hertz(radii=10.0, material=bodies, force=60.0).half_axes[0]
+    holm = (1 / 58e6 + 1 / 9e6) / (4e-3 * a)
+    assert_allclose(whole.conductance(58e6, 9e6), 1 / holm, rtol=0.02)
+    assert press(0.0).conductance(1.0, 1.0) == 0.0
+    refuses(ValueError, "k1 is 0.0, but must be positive", whole.conductance, 0.0, 1.0)
+    for result, message in (
+        (press(periodic=(True, False)), "a line contact, but must be those of an area"),
+        (press(hardness=0.5 * whole.max_pressure), "plastic is above zero in"),
+        (replace(whole, stiffness=None), "stiffness is None, but"),
+    ):
+        refuses(ValueError, message, result.conductance, 1.0, 1.0)
 
 
 def test_stiffness_is_computed_once_and_on_demand():

@@ -26,6 +26,7 @@ DEPTHS = {"x": np.ones(2), "z": np.ones(2), "nu": 0.3}
 CONTACT = {"element": ELEMENT, "material": STEEL, "tolerance": 1e-8, "max_products": 99}
 with warnings.catch_warnings(action="ignore"):  # Four elements are few.
     PRESSED = contact.normal_contact(ONES, 1.0, material=STEEL, force=1.0)
+    AREA = contact.normal_contact(GRID, ELEMENT, material=STEEL, force=1.0)
 SOLVER = {"A": A.toarray(), "b": ONES, "x0": ONES, "M": np.eye(4), "rtol": 1e-5, "atol": 0.0}
 
 USES = defaultdict(list)  # What is public, and arguments that it takes.
@@ -132,6 +133,7 @@ use(contact.frictional_rolling, **PRESS, force=1.0, **ROLL)
 use(contact.frictional_rolling, **PRESS, force=1.0, tangential_force=(0.1, 0.0))
 stresses_below = functools.partial(contact.subsurface_stresses, PRESSED)
 use_as("subsurface_stresses", stresses_below, depths=np.ones(2))
+use_as("NormalResult", AREA.conductance, k1=1.0, k2=1.0)
 use(contact.rolling, bound=GRID, **CONTACT, **ROLL)
 use(contact.rolling, bound=GRID, **CONTACT, longitudinal=1e-3, falling=(0.3, 0.2, 0.1))
 use(contact.creep_curve, bound=GRID, **CONTACT, longitudinal=[0.0, 1e-3])
@@ -186,7 +188,7 @@ for problem in (problems.test1, problems.test2, problems.test3):
 WITHOUT_NUMBERS = {
     *("ContactError", "ContactResult", "ContactWarning", "CreepCurve", "HertzContact"),
     "KalkerCoefficients",
-    *("FrictionalResult", "NormalResult", "TangentialResult", "load"),
+    *("FrictionalResult", "TangentialResult", "load"),
     "LeastSquaresInfo",
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "covariances", "fractional", "halfspace"),

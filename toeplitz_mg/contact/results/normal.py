@@ -9,6 +9,7 @@ from toeplitz_mg.contact.results import files
 from toeplitz_mg.contact.results.base import Figure, GridResult, Summary, list_figures
 from toeplitz_mg.contact.results.quantities import ENERGY, TOGETHER, Quantity, is_whole
 from toeplitz_mg.halfspace import CombinedMaterial
+from toeplitz_mg.values import positive
 
 
 class OnDemand:
@@ -146,6 +147,56 @@ class NormalResult(GridResult):
     def mean_pressure(self) -> float:
         """The mean pressure in contact, N/mm²; zero where nothing touches."""
         return self.force / self.area if self.area else 0.0
+
+    def conductance(self, k1: float, k2: float) -> float:
+        """Return the electrical or thermal conductance of the contact, by its stiffness.
+
+        Parameters
+        ----------
+        k1, k2 : float
+            The conductivities of the two bodies: in S/m, or in W/(m K).
+
+        Returns
+        -------
+        float
+            C = 2 (dF/dδ) / (E* (1/k₁ + 1/k₂)), in S or in W/K: zero without contact. 1/C is the
+            resistance between bodies that conduct as half-spaces, through the contact alone and no
+            film; where the surface repeats along both axes, what is added to that of bodies that
+            touch everywhere (Barber, Proc. R. Soc. Lond. A 459, 2003).
+
+        Raises
+        ------
+        ValueError
+            In line contact, also where the surface repeats along one of two axes; without a
+            `stiffness`; and where elements have yielded, as these conduct, but bear no more load.
+
+        Examples
+        --------
+        One round spot of radius a has Holm's resistance, (1/k₁ + 1/k₂)/(4 a):
+
+        >>> from toeplitz_mg.contact import Material, normal_contact, surfaces
+        >>> copper, element = Material(E=120000.0, nu=0.34), (0.01, 0.01)
+        >>> gap = surfaces.sphere((64, 64), element, radius=10.0)
+        >>> pressed = normal_contact(gap, element, material=copper, force=20.0)
+        >>> a = (pressed.area / 3.14159) ** 0.5  # mm
+        >>> C = pressed.conductance(58e6, 58e6)  # S
+        >>> bool(abs(C * (2 / 58e6) / (4e-3 * a) - 1) < 0.02)
+        True
+        """
+        rho = 1.0 / positive("k1", k1) + 1.0 / positive("k2", k2)
+        if len(self.element) == 1 or sum(self.periodic) == 1:
+            raise ValueError(
+                f"element is {self.element} and periodic {self.periodic}, a line contact, but must "
+                "be those of an area: a line conducts only to points at a finite distance"
+            )
+        if self.plastic is not None and self.plastic.any():
+            raise ValueError(
+                f"plastic is above zero in {self._yields}, but must be zero: the stiffness has no "
+                "part of elements that yield, though these conduct"
+            )
+        if self.stiffness is None:
+            raise ValueError("stiffness is None, but must be known: use normal_contact")
+        return 2e-3 * self.stiffness / (self.material.E_star * rho)  # In mm, of k per metre.
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled, or copied: without what only all ranks compute, together."""
