@@ -217,9 +217,12 @@ def test_a_mask_in_fragments_is_solved_by_default(folder):
     assert solve(folder, "--mask", str(folder / "mask.npy"), "--maxiter", "12") == 0
 
 
-def test_a_table_may_be_marked_as_unicode(folder):
+def test_a_table_may_be_marked_as_unicode_and_an_archive_is_no_column(folder, capsys):
     (folder / "c.csv").write_text("\n".join(map(str, contact(300))), encoding="utf-8-sig")
     assert solve(folder, column="c.csv") == 0
+    np.savez(folder / "c.npz", c=np.ones(3))
+    capsys.readouterr()
+    assert_refused(solve(folder, column="c.npz"), "holds several arrays", capsys)
 
 
 @pytest.mark.filterwarnings("default::UserWarning")
@@ -256,11 +259,6 @@ def test_the_solution_is_kept_where_drawing_fails(folder, monkeypatch, capsys):
     assert solve(folder, "--plot", str(folder / "x.png")) == 2
     assert "no ink" in capsys.readouterr().err
     assert (folder / "x.npy").exists()
-
-
-def test_an_archive_is_no_column(folder, capsys):
-    np.savez(folder / "c.npz", c=np.ones(3))
-    assert_refused(solve(folder, column="c.npz"), "holds several arrays", capsys)
 
 
 def test_plots_need_matplotlib_and_say_so_before_the_work(monkeypatch, capsys, tmp_path):

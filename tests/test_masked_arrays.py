@@ -56,9 +56,8 @@ use(tmg.toeplitz_lstsq, A=(ONES, ONES), b=ONES, damp=1.0)
 STACKED = tmg.RightPreconditioned(A, tmg.cosine_preconditioner(A))
 use_as("RightPreconditioned", STACKED.extend, b=ONES)
 use_as("RightPreconditioned", STACKED.solution, y=ONES)
-use_as(
-    "RectangularToeplitz", tmg.ToeplitzOperator([1.0, 2.0], [1.0]).entries, rows=[0], columns=[0]
-)
+tall = tmg.ToeplitzOperator([1.0, 2.0], [1.0])
+use_as("RectangularToeplitz", tall.entries, rows=[0], columns=[0])
 use(A.entries, rows=np.arange(4), columns=np.arange(2))
 use(A.block, index=np.arange(4))
 use(tmg.CoupledOperator, blocks=GRID)
@@ -68,9 +67,8 @@ for full, mask in ((A, MASK), (SQUARE, np.ones((2, 3), bool)), (tmg.CoupledOpera
 use_as("ToeplitzSum", functools.partial(tmg.ToeplitzSum, [(None, A, None)]), diagonal=ONES)
 use(tmg.Interpolation, weights=(1.0, 1.0))
 use_as("coarse_mask", functools.partial(tmg.piecewise_constant.coarse_mask, axis=0), mask=MASK)
-use_as(
-    "coarse_lags", functools.partial(tmg.piecewise_constant.coarse_lags, axis=0), lags=np.ones(7)
-)
+coarse_lags = functools.partial(tmg.piecewise_constant.coarse_lags, axis=0)
+use_as("coarse_lags", coarse_lags, lags=np.ones(7))
 use(tmg.cg, **SOLVER, maxiter=9)
 use_as("cg", functools.partial(tmg.cg, A, ONES), inner=np.eye(4))
 use(tmg.gmres, **SOLVER, maxiter=9, restart=3)

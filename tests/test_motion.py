@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from tests.budgets import assert_within_budget
+from tests.systems import refuses
 from tests.test_friction import assert_coulomb, doubtful, semi_ellipse
 from tests.test_rolling import MU, NAMES, A, assert_rolls, circle
 from toeplitz_mg.contact import (
@@ -323,12 +324,22 @@ def test_no_spin_about_the_only_element_gives_a_moment(loads):
 
 
 @pytest.mark.parametrize("lateral", [{"force": (0.0, 0.01)}, {"lateral": 0.01}])
-def test_no_spin_about_the_only_element_undoes_the_moment_of_what_is_lateral(lateral):
+def test_creepages_and_loads_without_an_answer_are_refused(lateral):
     """Slip is half an element ahead of the tractions, whose lateral force has a moment by that."""
     g = np.zeros((9, 9))
     g[4, 4] = 100.0
     with pytest.raises(ValueError, match=r"moment is 0, but a spin .* slips nothing in the"):
         rolling(bound=g, element=(0.02, 0.02), material=BODY, moment=0.0, **lateral)
+    case = {"element": (0.1, 0.1), "material": BODY}
+    for name in NAMES:
+        rule = rf"{name} is -1e\+16, but must be at most 1e\+15"
+        refuses(ValueError, rule, rolling, bound=np.full((12, 12), 0.3), **case, **{name: -1e16})
+    rule = "no tractions in the contact have these loads together"
+    for seed in range(10):
+        F, g = np.random.default_rng(seed).uniform(-0.006, 0.006, 2), np.zeros((5, 5))
+        g[2, 2] = 1.0
+        loads = {"force": F, "moment": 1e-5, "pole": (0.35, 0.35)}
+        refuses(ValueError, rule, rolling, bound=g, **case, **loads)
 
 
 @doubtful
@@ -486,13 +497,6 @@ def test_a_moment_beside_much_of_a_lateral_force_is_doubted_and_what_is_reached_
         rolling(bound=g, element=(h, h), material=BODY, max_products=2, **loads)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_creepage_beside_which_nothing_is_left_of_displacements_is_refused(name):
-    g = np.full((12, 12), 0.3)
-    with pytest.raises(ValueError, match=rf"{name} is -1e\+16, but must be at most 1e\+15"):
-        rolling(bound=g, element=(0.1, 0.1), material=BODY, **{name: -1e16})
-
-
 def test_the_power_of_a_field_is_that_of_the_same_spin_where_the_contact_reaches_the_edge():
     """The slip half an element behind the first one is that of the line through the others."""
     n, h, spin = 12, 0.1, 0.3
@@ -524,11 +528,3 @@ def test_bodies_that_need_not_slip_carry_nothing(n, size):
         result = rolling(bound=g, element=h, material=body, slip=size * field, **loads)
         assert_allclose(result.creepages, undone, atol=1e-12 * size)
         assert np.abs(result.traction).max() <= 1e-9 * size
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_loads_of_one_element_that_contradict_each_other_are_refused(seed):
-    F, g = np.random.default_rng(seed).uniform(-0.006, 0.006, 2), np.zeros((5, 5))
-    g[2, 2] = 1.0
-    with pytest.raises(ValueError, match="no tractions in the contact have these loads together"):
-        rolling(bound=g, element=(0.1, 0.1), material=BODY, force=F, moment=1e-5, pole=(0.35, 0.35))

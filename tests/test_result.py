@@ -357,7 +357,6 @@ def with_a_value(result, name, value):
         lambda wrong: press(0.11, previous=wrong),
         lambda wrong: subsurface_stresses(wrong, depths=[0.1]),
     ],
-    ids=["friction", "rolling", "steps", "previous", "stresses"],
 )
 def test_a_pressure_that_is_no_number_is_refused(use, value):
     """It is checked as an array is: no NaN is taken for zero."""

@@ -166,9 +166,8 @@ def test_what_is_refused():
     with pytest.raises(ValueError, match=r"coefficient \(nan\+1j\) at \(1,\)"):
         tmg.ToeplitzOperator([1.0, complex(np.nan, 1.0)])
     A = tmg.ToeplitzOperator([2.0, 1.0])
-    mask = [True, True]
-    for wrong in (np.eye(2), tmg.MaskedOperator(A, mask), A @ A @ A):
-        refuses(TypeError, "needs an operator on a whole grid", tmg.MaskedOperator, wrong, mask)
+    for wrong in (np.eye(2), tmg.MaskedOperator(A, [True] * 2), A @ A @ A):
+        refuses(TypeError, "an operator on a whole grid", tmg.MaskedOperator, wrong, [True] * 2)
     refuses(ValueError, "sizes add up to inf", tmg.ToeplitzOperator, [1e308] * 9)
     refuses(ValueError, "sizes add up to inf", tmg.ToeplitzOperator, [1.0, 1.5e308 * (1.0 + 1.0j)])
 
