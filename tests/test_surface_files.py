@@ -35,6 +35,15 @@ def test_tables_need_no_library(name, tmp_path, monkeypatch):
     assert surfaces.read(tmp_path / name).element is None
 
 
+def test_only_heights_are_read_from_arrays(tmp_path):
+    # The first two have 2 n² bytes, as files of the shuttle's radar, which have no other mark.
+    for name, shape in (("a.npy", (0, 4)), ("a.xyz", (3, 3)), ("b.npy", (2, 3, 4)), ("c.npy", ())):
+        np.save(tmp_path / "a.npy", np.zeros(shape))
+        (tmp_path / "a.npy").rename(tmp_path / name)
+        with pytest.raises(ValueError, match=name):
+            surfaces.read(tmp_path / name, element=1.0, unit="mm")
+
+
 @pytest.mark.parametrize(("level", "degree"), [("mean", 0), ("plane", 1), ("quadratic", 2)])
 @pytest.mark.parametrize("shape", [(40, 30), (50,)])
 def test_level_removes_a_polynomial_from_what_is_there(level, degree, shape, tmp_path):

@@ -132,6 +132,10 @@ def _says_sizes(path: Path) -> bool:
 def _read_heights(path: Path) -> Array:
     """Read a table of heights, of a surface or along a profile, or say why these are none."""
     heights = load_table(path)
+    if heights.ndim not in (1, 2):
+        raise ValueError(
+            f"{path} has shape {heights.shape}, but must be heights of a surface, or of a profile"
+        )
     if heights.ndim == 2 and heights.shape[1] < FEWEST <= heights.shape[0]:
         raise ValueError(
             f"{path} has {heights.shape[1]} columns, as positions beside heights, but must be a "
@@ -169,6 +173,8 @@ def _ask_library(path: Path, channel: int | str | None, refused: Exception | Non
         source = io.BytesIO(decode(data).encode() if data[:2] in UTF_16 else data)
         try:
             reader = open_topography(source)
+            if reader.format() == "hgt" and ".hgt" not in path.name.lower():
+                return None  # It takes any file of 2 n² bytes, an empty one too.
             names = [str(info.name) for info in reader.channels]
             chosen = reader.default_channel
             if channel is not None:
