@@ -162,11 +162,17 @@ def test_the_index_of_a_series_comes_out_and_goes_on(kind):
 def test_rows_that_are_missing_from_an_index_are_refused():
     pd = pytest.importorskip("pandas")
     weeks = pd.Series(NILE, pd.date_range("1958-03-29", periods=100, freq="W-SAT"))
-    for y in (weeks.drop(weeks.index[7]), weeks.set_axis([*range(99), 105])):
+    rows = [*range(99), 105], [0, *range(99)]
+    for y in (weeks.drop(weeks.index[7]), *map(weeks.set_axis, rows)):
         with pytest.raises(ValueError, match="does not have equal steps"):
             fit(y, WhiteNoise())
     with pytest.raises(TypeError, match="is a table"):
         fit(weeks.to_frame(), WhiteNoise())
+
+
+def test_numbers_whose_squares_overflow_are_refused():
+    with pytest.raises(ValueError, match="y is of size"):
+        fit(1e150 * NILE, WhiteNoise())
 
 
 def test_a_picture_has_the_series_and_the_means():

@@ -16,7 +16,7 @@ from toeplitz_mg.gaussian.observed import warn_of_rounding
 from toeplitz_mg.gaussian.scoring import Data, Search, Transform, find_dependent
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.szego import LogDeterminant, warn_of_error
-from toeplitz_mg.values import count, numbers, real
+from toeplitz_mg.values import count, in_range, numbers, real
 
 METHODS = "ml", "reml"
 TRENDS = "constant", "linear"
@@ -357,6 +357,7 @@ def fit_normal(
     shape = labels.values.shape
     if not shape or not prod(shape) or np.isinf(labels.values).any():
         raise ValueError("y must be a series, or a field, of finite numbers, or NaN where missing")
+    in_range("y", float(np.nanmax(np.abs(labels.values), initial=0.0)))
     model = Mean.of(mean, X, shape)
     names = (*covariance.names, *model.names)
     if len({*names}) < len(names):

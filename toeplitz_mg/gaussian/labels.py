@@ -87,8 +87,8 @@ def _check_index(index: Any) -> None:
             raise TypeError(
                 f"the index of y has dtype {index.dtype}, but must be of numbers or times"
             )
-        steps = np.diff(ticks) / (ticks[1] - ticks[0])
-        is_regular = bool(np.allclose(steps, 1.0))
+        steps = np.diff(ticks)
+        is_regular = bool(steps.all() and np.allclose(steps / steps[0], 1.0))
     if not is_regular:
         raise ValueError(
             "the index of y does not have equal steps, but must: rows that are missing become NaN "
