@@ -124,7 +124,7 @@ OF_CONTACT = {
     "line": Option("switch", SMOOTH, None,
         "line contact of a cylinder in plane strain: forces are N/mm"),
     "force": Option("positive", CASES, None,
-        "normal force, N or N/mm (default: 100, but of rough)"),
+        "normal force, N or N/mm (default: 100; none of rough)"),
     "approach": Option("positive", CASES, None, "of the bodies, mm; in place of the force"),
     "pressure": Option("positive", ROUGH, None,
         "mean pressure on the grid, N/mm²; in place of the force"),
