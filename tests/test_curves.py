@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from tests.systems import cells_of
+from tests.systems import cells_of, refuses
 from tests.test_friction import semi_ellipse
 from tests.test_rolling import MU, A, circle
 from toeplitz_mg.contact import Material, creep_curve, normal_contact, rolling, surfaces
@@ -86,6 +86,10 @@ def test_a_curve_is_drawn_over_the_creepage_that_varies(make, varied, name, unit
         assert_allclose(line.get_xdata(), varied)
         assert_allclose(line.get_ydata(), force)
     assert len(ax.get_legend().get_texts()) == len(forces)
+    scaled = curve.plot(ax=figure.add_subplot(), friction=2.0)
+    assert_allclose(scaled.lines[0].get_ydata(), -forces[0] / 2.0)
+    assert scaled.get_ylabel() == "-F/(μ P)"
+    refuses(ValueError, "friction is 0.0, but must be positive", curve.plot, friction=0.0)
 
 
 @pytest.mark.parametrize("make", [line_curve, surface_curve])

@@ -26,6 +26,7 @@ DEPTHS = {"x": np.ones(2), "z": np.ones(2), "nu": 0.3}
 CONTACT = {"element": ELEMENT, "material": STEEL, "tolerance": 1e-8, "max_products": 99}
 with warnings.catch_warnings(action="ignore"):  # Four elements are few.
     PRESSED = contact.normal_contact(ONES, 1.0, material=STEEL, force=1.0)
+    CURVE = contact.creep_curve(PRESSED, mu=0.3, longitudinal=[0.0, 1e-3])
     AREA = contact.normal_contact(GRID, ELEMENT, material=STEEL, force=1.0)
 SOLVER = {"A": A.toarray(), "b": ONES, "x0": ONES, "M": np.eye(4), "rtol": 1e-5, "atol": 0.0}
 
@@ -131,6 +132,7 @@ use(contact.frictional_rolling, **PRESS, force=1.0, **ROLL)
 use(contact.frictional_rolling, **PRESS, force=1.0, tangential_force=(0.1, 0.0))
 stresses_below = functools.partial(contact.subsurface_stresses, PRESSED)
 use_as("subsurface_stresses", stresses_below, depths=np.ones(2))
+use_as("CreepCurve", CURVE.plot, friction=1.0)
 use_as("NormalResult", AREA.conductance, k1=1.0, k2=1.0)
 use(contact.rolling, bound=GRID, **CONTACT, **ROLL)
 use(contact.rolling, bound=GRID, **CONTACT, longitudinal=1e-3, falling=(0.3, 0.2, 0.1))
@@ -184,14 +186,14 @@ for problem in (problems.test1, problems.test2, problems.test3):
     use(problem, n=16)
 # What takes no numbers: results and records, warnings, modules, wrappers, and a counter.
 WITHOUT_NUMBERS = {
-    *("ContactError", "ContactResult", "ContactWarning", "CreepCurve", "HertzContact"),
+    *("ContactError", "ContactResult", "ContactWarning", "HertzContact"),
     "KalkerCoefficients",
     *("FrictionalResult", "TangentialResult", "load"),
     "LeastSquaresInfo",
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "covariances", "fractional", "halfspace"),
     *("problems", "surfaces", "use_transforms"),
-    *("ContactError", "ContactResult", "ContactWarning", "CreepCurve", "HertzContact", "load"),
+    *("ContactError", "ContactResult", "ContactWarning", "HertzContact", "load"),
     *("FrictionalResult", "KalkerCoefficients", "LeastSquaresInfo", "Multigrid", "NormalResult"),
     *("ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "TangentialResult"),
     *("ToeplitzInverse", "componentwise", "count_products", "use_transforms", "contact"),

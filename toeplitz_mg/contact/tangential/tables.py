@@ -74,13 +74,16 @@ class CreepCurve(Result):
         """The units of the attributes, by their names."""
         return name_units(self)
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot(self, ax: Any = None, *, friction: float | None = None) -> Any:
         """Draw the forces over the creepage that varies, or over the first that does.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
             Where to draw, as beside other curves; by default on a new figure.
+        friction : float, optional
+            The force μ P, N; in plane strain N/mm. Then -F/(μ P) is drawn, as in the literature:
+            upwards where the creepage is positive, as forces are against it, and 1 at most.
 
         Returns
         -------
@@ -91,13 +94,16 @@ class CreepCurve(Result):
         ImportError
             Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
+        factor, drawn = 1.0, f"force [{self.units['force']}]"
+        if friction is not None:
+            factor, drawn = -1.0 / positive("friction", friction, self.units["force"]), "-F/(μ P)"
         ax = pictures.find_axes(ax)
         points = self.creepages.reshape(len(self.force), -1).T
         over = next((k for k, x in enumerate(points) if np.ptp(x) > 0.0), 0)
         for name, values in zip("xy", np.atleast_2d(self.force.T), strict=False):
-            ax.plot(points[over], values, "o-", label=f"along {name}")
+            ax.plot(points[over], factor * values, "o-", label=f"along {name}")
         label = ("longitudinal creepage", "lateral creepage", "spin [1/mm]")[over]
-        ax.set(xlabel=label, ylabel=f"force [{self.units['force']}]")
+        ax.set(xlabel=label, ylabel=drawn)
         ax.ticklabel_format(axis="x", scilimits=(-2, 3))
         ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         ax.legend()
