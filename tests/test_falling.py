@@ -126,13 +126,10 @@ def test_no_friction_at_all_where_it_slips_fast():
 
 def test_says_how_steep_friction_is_where_it_does_not_settle():
     """An element slips slowly by much friction and fast by little, which are those of the other."""
-
-    def jumps(s):
-        return np.where(s < 0.5 / STIFFNESS, 0.5, 1.0)
-
     case = {"material": MATERIAL, "lateral": 1.25 / STIFFNESS}
+    case["falling"] = lambda s: np.where(s < 0.5 / STIFFNESS, 0.5, 1.0)
     with pytest.raises(ContactError, match=r"after .* jumps: it rises by up to") as caught:
-        rolling(bound=np.ones((1, 1)), element=(1.0, 1.0), falling=jumps, **case)
+        rolling(bound=np.ones((1, 1)), element=(1.0, 1.0), **case)
     assert caught.value.result.residual > 1e-8
 
 
@@ -159,24 +156,21 @@ def test_friction_that_rises_has_one_answer_however_steeply(k):
     ],
 )
 def test_refuses_what_is_no_friction(falling, error, message):
-    soft = Material.from_shear(1, 0.3)
-    with pytest.raises(error, match=message):
-        rolling(bound=np.ones((4, 4)), element=(1.0, 1.0), material=soft, falling=falling)
+    case = {"element": (1.0, 1.0), "material": MATERIAL, "falling": falling}
+    refuses(error, message, rolling, bound=np.ones((4, 4)), **case)
 
 
 @doubtful
 def test_three_numbers_are_the_function():
-    """μ_k + (μ_s - μ_k) exp(-s/s₀): of a bound, and of pressures with `mu` or without."""
+    """μ_k + (μ_s - μ_k) exp(-s/s₀): of pressures, with `mu` or without, and of a bound μ_s p."""
     mu_s, mu_k, s0 = law = (0.4, 0.3, 0.02)
+    case = {"element": (0.2, 0.2), "material": MATERIAL}
+    pressed = normal_contact(surfaces.sphere((16, 16), (0.2, 0.2), radius=5.0), **case, force=0.3)
     by = {"falling": lambda s: (mu_k + (mu_s - mu_k) * np.exp(-s / s0)) / mu_s}
-    _, expected = circle(16, (0.05, 0.0, 0.05), **by)
-    _, found = circle(16, (0.05, 0.0, 0.05), falling=law)
-    assert_allclose(found.traction, expected.traction, atol=1e-12)
-    gap = surfaces.sphere((16, 16), (0.2, 0.2), radius=5.0)
-    pressed = normal_contact(gap, (0.2, 0.2), material=MATERIAL, force=0.3)
-    known = rolling(pressed, mu=mu_s, **by, longitudinal=0.05)
-    for given in ({}, {"mu": mu_s}):
-        found = rolling(pressed, **given, falling=list(law), longitudinal=0.05)
+    known = rolling(pressed, mu=mu_s, longitudinal=0.05, **by)
+    bound = {"bound": mu_s * pressed.pressure} | case
+    for given in ({"pressed": pressed}, {"pressed": pressed, "mu": mu_s}, bound):
+        found = rolling(**given, falling=law, longitudinal=0.05)
         assert_allclose(found.traction, known.traction, atol=1e-12)
     refuses(ValueError, "mu is 0.3, but falling has mu_s", rolling, pressed, mu=0.3, falling=law)
 
@@ -219,21 +213,16 @@ def test_loads_that_friction_without_slip_does_not_carry_have_their_creepages(
 def test_loads_that_friction_of_no_slip_carries_are_refused():
     g, _ = circle(16, (0.0, 0.0, 0.0))
     most = g.sum() * (2.0 / 16) ** 2
-    with pytest.raises(ValueError, match="less than the friction of any slip carries"):
-        circle(16, (0.0, 0.0, 0.0), falling=oil, force=(1.01 * most, None))
+    loads, slips = {"falling": oil, "force": (1.01 * most, None)}, (0.0, 0.0, 0.0)
+    refuses(ValueError, "less than the friction of any slip carries", circle, 16, slips, **loads)
     _, sliding = circle(16, (1e3, 0.0, 0.0))
     _, spinning = circle(16, (0.0, 0.0, 1e3))
-    loads = {"force": (0.9 * sliding.force[0], None), "moment": 0.9 * spinning.moment}
+    loads |= {"force": (0.9 * sliding.force[0], None), "moment": 0.9 * spinning.moment}
     message = r"the loads together are 1\.\d+ times what the friction of any slip carries"
-    with pytest.raises(ValueError, match=message):
-        circle(16, (0.0, 0.0, 0.0), falling=oil, **loads)
+    refuses(ValueError, message, circle, 16, slips, **loads)
     # Between friction that elements slide slowly by, and hardly any, where they slide fast.
-
-    def falls(s):
-        return np.maximum(0.0, 1.0 - s / 0.07)
-
-    with pytest.raises(ContactError, match="friction falls too steeply"):
-        circle(24, (0.1, 0.0, 0.1), falling=falls, max_products=200)
+    case = {"falling": lambda s: np.maximum(0.0, 1.0 - s / 0.07), "max_products": 200}
+    refuses(ContactError, "friction falls too steeply", circle, 24, (0.1, 0.0, 0.1), **case)
 
 
 @pytest.mark.parametrize("across", [None, 0.0])
@@ -244,8 +233,8 @@ def test_loads_that_friction_falls_too_soon_to_carry_are_refused(across):
     g, _ = circle(12, (0.0, 0.0, 0.0))
     most = g.sum() * (2.0 / 12) ** 2
     message = r"of a load is missing.* is the nearest|friction falls too steeply"
-    with pytest.raises(ContactError, match=message):
-        circle(12, (0.0, 0.0, 0.0), force=(-0.9 * most, across), **given)
+    given["force"] = (-0.9 * most, across)
+    refuses(ContactError, message, circle, 12, (0.0, 0.0, 0.0), **given)
 
 
 def test_too_few_products_are_an_error_wherever_they_end():
@@ -302,13 +291,10 @@ def test_says_how_near_loads_are_that_no_creepage_has():
     """Friction has its peak at one slip, which the elements do not all have at once."""
     g, _ = circle(16, (0.0, 0.0, 0.0))
     most = g.sum() * (2.0 / 16) ** 2
-
-    def peak(s):
-        return 1.0 / (1.0 + ((s - 0.1) / 0.06) ** 2)
-
+    case = {"falling": lambda s: 1.0 / (1.0 + ((s - 0.1) / 0.06) ** 2)}
     message = r"the force along x is to be .* is the nearest that was found"
     with pytest.raises(ContactError, match=message) as caught:
-        circle(16, (0.0, 0.0, 0.0), falling=peak, force=(0.99 * most, None))
+        circle(16, (0.0, 0.0, 0.0), force=(0.99 * most, None), **case)
     assert caught.value.result.force[0] < 0.98 * most
 
 
