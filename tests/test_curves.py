@@ -47,12 +47,11 @@ def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
     "creepages", [{"longitudinal": [0.1, 0.2], "lateral": [0.1]}, {"spin": [[0.1]]}]
 )
 def test_refuses_what_is_no_curve(creepages):
-    with pytest.raises(ValueError, match=r"has shape .*, but they must be numbers, and arrays"):
-        creep_curve(bound=np.ones((4, 4)), element=(1.0, 1.0), material=BODY, **creepages)
-    with pytest.raises(ValueError, match="are numbers, but one at least must be an array"):
-        creep_curve(bound=np.ones((4, 4)), element=(1.0, 1.0), material=BODY, longitudinal=0.1)
-    with pytest.raises(ValueError, match="a curve has one point at least"):
-        creep_curve(bound=np.ones(8), element=0.1, material=BODY, longitudinal=[])
+    case = {"element": (1.0, 1.0), "material": BODY, "bound": np.ones((4, 4))}
+    refuses(ValueError, "has shape .* numbers, and arrays", creep_curve, **case, **creepages)
+    message = "are numbers, but one at least must be an array"
+    refuses(ValueError, message, creep_curve, **case, longitudinal=0.1)
+    refuses(ValueError, "a curve has one point at least", creep_curve, **case, longitudinal=[])
 
 
 def line_curve():

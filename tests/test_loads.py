@@ -111,8 +111,7 @@ def test_a_previous_result_is_a_first_guess():
     ],
 )
 def test_refuses_what_makes_no_sense_before_any_work(change, error, message):
-    with pytest.raises(error, match=message):
-        load_curve(rough_gap(16), (0.1, 0.1), material=UNIT, **change)
+    refuses(error, message, load_curve, rough_gap(16), (0.1, 0.1), material=UNIT, **change)
 
 
 def test_previous_must_be_of_the_same_grid():
@@ -133,8 +132,7 @@ def test_a_load_that_fails_comes_after_those_that_do_not():
         sphere_gap(32), (2.0 / 32, 2.0 / 32), material=UNIT, forces=[0.0, 0.1], max_products=2
     )
     assert next(curve).force == 0.0
-    with pytest.raises(ContactError, match="products the conditions of contact"):
-        next(curve)
+    refuses(ContactError, "products the conditions of contact", next, curve)
 
 
 # No load ------------------------------------------------------------------------------------
