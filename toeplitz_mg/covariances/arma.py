@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from decimal import Context, Decimal, localcontext
 from math import log
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.covariances.base import Derivatives, Kernel, Lags, Parameter
+from toeplitz_mg.covariances.base import Derivatives, Kernel, Lags
 from toeplitz_mg.covariances.long_memory import fractional_difference
 
 DIGITS = 60  # Of the first covariances: beside a unit root the equations for them lose many.
@@ -18,15 +18,6 @@ CLOSEST = 1.0 - 1e-5  # Largest root of zᵖ - φ₁ zᵖ⁻¹ - …: one beyond
 
 class LinearProcess(Kernel):
     """A process with autoregressive and moving average coefficients."""
-
-    def __init__(self, **given: Any) -> None:
-        super().__init__(**given)
-        self._check()
-
-    def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
-        other = super()._replaced(parameters)
-        other._check()
-        return other
 
     def _check(self) -> None:
         """Refuse coefficients with a root in the unit circle."""

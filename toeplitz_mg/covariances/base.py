@@ -43,10 +43,6 @@ class Parameter:
         if (self.low, self.high) == POSITIVE:
             in_range(self.name, self.value)
 
-    def within(self, prefix: str) -> "Parameter":
-        """Return it as one of a term of a sum or product."""
-        return replace(self, name=prefix + self.name, group=prefix + self.group)
-
 
 class Lags:
     """The lags of a grid: its shape, and the distances of its points."""
@@ -75,12 +71,9 @@ class Lags:
             )
         return values if len(values) > 1 else values * len(self.shape)
 
-    def counts(self) -> Iterator[Array]:
-        """Yield the numbers 0, 1, … of the points along each axis, for broadcasting."""
-        for axis, n in enumerate(self.shape):
-            shape = [1] * len(self.shape)
-            shape[axis] = n
-            yield np.arange(float(n)).reshape(shape)
+    def counts(self) -> Sequence[Array]:
+        """Return the numbers 0, 1, … of the points along each axis, for broadcasting."""
+        return np.meshgrid(*map(np.arange, map(float, self.shape)), indexing="ij", sparse=True)
 
     def distances(self) -> Iterator[Array]:
         """Yield the lags along each axis, for broadcasting."""
@@ -115,17 +108,6 @@ class Covariance:
     ``2.0 * k`` is a multiple. In them the number of the term stands before the names of its
     parameters: ``"0.variance"``, ``"1.length"``; where a term is a sum itself, ``"0.1.length"``.
     Covariances are immutable.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The names of the free parameters. An argument with several values has a name for each:
-        ``"length[0]"`` is the length along the first axis, ``"ar.L1"`` the first coefficient of an
-        autoregression.
-    theta : ndarray of shape (p,)
-        Their values.
-    bounds : ndarray of shape (p, 2)
-        The intervals in which they must lie, without their ends.
 
     Raises
     ------
@@ -165,7 +147,11 @@ class Covariance:
         """Return it with other values of the parameters, or with others free."""
         other = copy(self)
         other._parameters = parameters
+        other._check()
         return other
+
+    def _check(self) -> None:
+        """Refuse parameters that are no covariance together."""
 
     @property
     def _free(self) -> list[Parameter]:
@@ -173,17 +159,21 @@ class Covariance:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the free parameters."""
+        """The names of the free parameters, one for each value of an argument with several.
+
+        ``"length[0]"`` is the length along the first axis, ``"ar.L1"`` the first coefficient of an
+        autoregression.
+        """
         return tuple(p.name for p in self._free)
 
     @property
     def theta(self) -> Array:
-        """The values of the free parameters."""
+        """The values of the free parameters, of shape (p,)."""
         return np.array([p.value for p in self._free], dtype=np.float64)
 
     @property
     def bounds(self) -> Array:
-        """The open intervals in which the free parameters must lie."""
+        """The open intervals in which the free parameters must lie, of shape (p, 2)."""
         return np.array([(p.low, p.high) for p in self._free], dtype=np.float64).reshape(-1, 2)
 
     def with_theta(self, theta: ArrayLike) -> Self:
@@ -298,6 +288,7 @@ class Kernel(Covariance):
                     bounds = -float(comb(array.size, i + 1)), float(comb(array.size, i + 1))
                 parameters.append(Parameter(name, group, each, *bounds))
         self._parameters = tuple(parameters)
+        self._check()
 
     def _values(self, group: str) -> tuple[float, ...]:
         """Return the values of an argument."""
@@ -336,35 +327,36 @@ class Composed(Covariance):
 
     @property
     def _parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        each = zip(self._prefixes, self._terms, strict=True)
-        return tuple(p.within(prefix) for prefix, term in each for p in term._parameters)
+        return tuple(
+            replace(p, name=prefix + p.name, group=prefix + p.group)
+            for prefix, term in zip(self._prefixes, self._terms, strict=True)
+            for p in term._parameters
+        )
 
     def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
         given, terms = iter(parameters), []
         for term in self._terms:
-            of_term = ((p, next(given)) for p in term._parameters)
-            changed = (replace(p, value=new.value, is_free=new.is_free) for p, new in of_term)
+            pairs = zip(term._parameters, given, strict=False)
+            changed = (replace(p, value=new.value, is_free=new.is_free) for p, new in pairs)
             terms.append(term._replaced(tuple(changed)))
         return type(self)(*terms, factor=self._factor)
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _each(self, lags: Lags, wanted: frozenset[str]) -> tuple[list[Array], list[Derivatives]]:
+        """Return the values and derivatives of the terms, by the names that they have here."""
         values, each = [], []
         for prefix, term in zip(self._prefixes, self._terms, strict=True):
             names = (name.removeprefix(prefix) for name in wanted if name.startswith(prefix))
             value, by = term._evaluate(lags, frozenset(names))
             values.append(value)
             each.append({prefix + name: derivative for name, derivative in by.items()})
-        return self._composed(values, each)
-
-    def _composed(self, values: list[Array], each: list[Derivatives]) -> tuple[Array, Derivatives]:
-        """Return the values and derivatives from those of the terms."""
-        raise NotImplementedError
+        return values, each
 
 
 class Sum(Composed):
     """The sum of covariances, as of independent processes."""
 
-    def _composed(self, values: list[Array], each: list[Derivatives]) -> tuple[Array, Derivatives]:
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        values, each = self._each(lags, wanted)
         return reduce(add, values), reduce(or_, each)
 
     def __repr__(self) -> str:
@@ -374,8 +366,8 @@ class Sum(Composed):
 class Product(Composed):
     """The product of covariances, and of a number."""
 
-    def _composed(self, values: list[Array], each: list[Derivatives]) -> tuple[Array, Derivatives]:
-        product: Derivatives = {}
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        (values, each), product = self._each(lags, wanted), Derivatives()
         factor = np.array(self._factor)
         for i, by in enumerate(each):
             others = reduce(mul, values[:i] + values[i + 1 :], factor)

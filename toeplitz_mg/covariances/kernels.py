@@ -46,6 +46,9 @@ class WhiteNoise(Kernel):
 class Radial(Kernel):
     """A covariance σ² ρ(r) of the distance in lengths, r = (Σ (xᵢ/ℓᵢ)²)^½."""
 
+    def __init__(self, variance: Any = 1.0, length: Any = 1.0) -> None:
+        super().__init__(variance=variance, length=length)
+
     def _profile(self, r: Array, wanted: frozenset[str]) -> tuple[Array, Array, Derivatives]:
         """Return ρ(r), -r ρ'(r), and the derivatives of ρ by parameters beside the length."""
         raise NotImplementedError
@@ -54,9 +57,7 @@ class Radial(Kernel):
         lengths, (variance,) = self._values("length"), self._values("variance")
         each = lags.by_axis(lengths, "length")
         parts = [x / scale for x, scale in zip(lags.distances(), each, strict=True)]
-        r = parts[0]
-        for part in parts[1:]:
-            r = np.hypot(r, part)
+        r = reduce(np.hypot, parts)
         rho, slope, by = self._profile(r, wanted)
         by = {name: variance * derivative for name, derivative in by.items()}
         by["variance"] = rho
@@ -91,9 +92,6 @@ class Exponential(Radial):
     >>> Exponential(length=(10.0, 20.0))((4, 4), spacing=0.5).shape
     (4, 4)
     """
-
-    def __init__(self, variance: Any = 1.0, length: Any = 1.0) -> None:
-        super().__init__(variance=variance, length=length)
 
     def _profile(self, r: Array, wanted: frozenset[str]) -> tuple[Array, Array, Derivatives]:
         r = np.minimum(r, FAR)
@@ -140,7 +138,7 @@ class Matern(Radial):
     """
 
     def __init__(self, variance: Any = 1.0, length: Any = 1.0, nu: Any = 1.5) -> None:
-        super().__init__(variance=variance, length=length, nu=nu)
+        Kernel.__init__(self, variance=variance, length=length, nu=nu)
 
     def _profile(self, r: Array, wanted: frozenset[str]) -> tuple[Array, Array, Derivatives]:
         (nu,) = self._values("nu")
@@ -191,9 +189,6 @@ class SquaredExponential(Radial):
     >>> SquaredExponential(length=2.0)(3).round(4)
     array([1.    , 0.8825, 0.6065])
     """
-
-    def __init__(self, variance: Any = 1.0, length: Any = 1.0) -> None:
-        super().__init__(variance=variance, length=length)
 
     def _profile(self, r: Array, wanted: frozenset[str]) -> tuple[Array, Array, Derivatives]:
         squares = np.minimum(r, FAR) ** 2

@@ -15,16 +15,7 @@ class ArrayNormal:
     Its methods are those of `ToeplitzNormal`, for series of the same library, and are computed on
     the processor; arrays that they return lie where the covariances do. Inside `jax.grad`,
     `jax.jit` and `jax.vmap` `logpdf` is a callback with derivatives by c, y and mean; where c is
-    not positive definite it is NaN.
-
-    Parameters
-    ----------
-    on_numpy : callable
-        The class of the distribution on NumPy's arrays.
-    c : array of shape (n,) or (n1, n2, ...)
-        As of `ToeplitzNormal`.
-    mean : number or array
-    noise : array, optional
+    not positive definite it is NaN. `on_numpy` is the class of the distribution on NumPy's arrays.
     """
 
     def __init__(self, on_numpy: Any, c: Any, mean: Any = 0.0, noise: Any = None) -> None:

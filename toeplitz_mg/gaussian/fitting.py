@@ -12,10 +12,9 @@ from scipy.special import ndtr, ndtri
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.covariances import Covariance
 from toeplitz_mg.gaussian.labels import Labels
-from toeplitz_mg.gaussian.observed import warn_of_rounding
+from toeplitz_mg.gaussian.observed import warn_of_determinant, warn_of_rounding
 from toeplitz_mg.gaussian.scoring import Data, Search, Transform, find_dependent
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.solvers.szego import LogDeterminant, warn_of_error
 from toeplitz_mg.values import count, in_range, numbers, real
 
 METHODS = "ml", "reml"
@@ -44,30 +43,18 @@ class Prediction(NamedTuple):
 
 @dataclass(frozen=True)
 class Mean:
-    """The mean of a fit: an offset that is known, and regressors.
+    """The mean of a fit: an offset that is known, and regressors."""
 
-    Attributes
-    ----------
-    trend : str
-        One of `TRENDS`, or empty.
-    offset : ndarray
-        It broadcasts to the shape of the grid.
-    X : ndarray of shape (n, k), or of fields (n1, n2, ..., k)
-        Regressors that were given.
-    names : tuple of str
-        Those of all coefficients.
-    """
-
-    trend: str
-    offset: Array
-    X: Array
-    names: tuple[str, ...]
+    trend: str  # One of `TRENDS`, or empty.
+    offset: Array  # It broadcasts to the shape of the grid.
+    X: Array  # Regressors that were given, of shape (n, k), or of fields (n1, n2, ..., k).
+    names: tuple[str, ...]  # Those of all coefficients.
 
     @classmethod
     def of(cls, mean: Any, X: Any, shape: tuple[int, ...]) -> "Mean":
         """Check what a user gives."""
         trend = mean if isinstance(mean, str) else ""
-        offset = np.zeros(()) if trend else _finite("mean", mean)
+        offset = np.zeros(()) if trend else numbers("mean", mean)
         if trend and trend not in TRENDS:
             raise ValueError(f"mean is {mean!r}, but must be one of {TRENDS}, or numbers")
         columns = np.empty((*shape, 0)) if X is None else _columns(X, shape)
@@ -80,13 +67,7 @@ class Mean:
 
     def known(self, shape: tuple[int, ...]) -> Array:
         """Return the offset on a grid."""
-        try:
-            return np.broadcast_to(self.offset, shape)
-        except ValueError:
-            raise ValueError(
-                f"mean has shape {self.offset.shape}, but must broadcast to {shape}; regressors "
-                "stand in X"
-            ) from None
+        return spread_mean(self.offset, shape)
 
     def rows(self, shape: tuple[int, ...], more: Any = None) -> Rows:
         """Return the regressors on a grid, each a row; `more` are those of steps that follow."""
@@ -237,7 +218,7 @@ class NormalFit:
             raise ValueError(f"noise is {noise!r}, but must be one of {', '.join(self.params)}")
         sigma2 = self.params[noise] if isinstance(noise, str) else real("noise", noise)
         rows = self._mean.rows(y.shape, X)
-        c = self.covariance(y.shape if y.ndim > 1 else y.shape[0])
+        c = self.covariance(y.shape)
         p, there = len(self.params) - len(rows), ~np.isnan(y).ravel()
         trend = (np.array([*self.params.values()])[p:] @ rows).reshape(y.shape)
         given = type(self.process)(c, self._mean.known(y.shape) + trend).conditional(y)
@@ -395,6 +376,18 @@ def fit_normal(
     )
 
 
+def spread_mean(mean: Any, shape: tuple[int, ...]) -> Array:
+    """Return means, which are given as what broadcasts to a grid, on the grid."""
+    array = _finite("mean", mean)
+    try:
+        return np.broadcast_to(array, shape)
+    except ValueError:
+        raise ValueError(
+            f"mean has shape {array.shape}, but must broadcast to that of the grid, {shape}: "
+            "regressors of a fit stand in X"
+        ) from None
+
+
 def _arrange(values: Array, model: Mean, parameters: int) -> tuple[Data, Array, Array]:
     """Return what was observed, orthonormal regressors R⁻ᵀ X, R, and least squares of X."""
     mask = ~np.isnan(values)
@@ -429,9 +422,8 @@ def _warn(search: Search, at_bounds: tuple[str, ...], is_known: bool) -> None:
     from scipy.optimize import OptimizeWarning  # It is slow to import.
 
     known, rows = search.best.known, search.best.residual
-    if isinstance(known.log_determinant, LogDeterminant):
-        warn_of_error(known.log_determinant, len(search.data.y), stacklevel=5)
-    warn_of_rounding(ToeplitzOperator(search.best.c).norm_bound, *rows, stacklevel=5)
+    warn_of_determinant(known, stacklevel=5)
+    warn_of_rounding(ToeplitzOperator(search.best.c), *rows, stacklevel=5)
     doubts = []
     if not search.converged:
         doubts.append(

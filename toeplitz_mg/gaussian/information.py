@@ -56,7 +56,7 @@ def _differentiate(whole: Whole, derivatives: Array) -> list[tuple[Array, Array]
         z = circle.values(dx)
         heavier = n * z - 2.0 * circle.values(np.arange(float(n)) * dx)
         sums = circle.coefficients((heavy * z.conj() + heavier * a.conj()).real, n)
-        found.append((dx, sums - dx[0] / x[0] * whole.diagonal_sums()))
+        found.append((dx, sums - dx[0] / x[0] * column.polynomial.diagonal_sums))
     return found
 
 

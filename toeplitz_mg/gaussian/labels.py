@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.values import numbers
@@ -12,17 +13,10 @@ from toeplitz_mg.values import numbers
 
 @dataclass(frozen=True)
 class Labels:
-    """A series or field that is NaN where nothing was observed.
-
-    Attributes
-    ----------
-    values : ndarray of float64
-    series : pandas.Series or None
-        What was given, whose index comes out.
-    """
+    """A series or field that is NaN where nothing was observed."""
 
     values: Array
-    series: Any = None
+    series: Any = None  # The Series that was given, whose index comes out.
 
     @classmethod
     def of(cls, y: Any) -> "Labels":
@@ -32,9 +26,7 @@ class Labels:
         if hasattr(y, "iloc"):
             _check_index(y.index)
             return cls(y.to_numpy(dtype=np.float64, na_value=np.nan), y)
-        if np.ma.isMaskedArray(y) and y.dtype.kind in "buif":
-            return cls(np.ma.filled(y.astype(np.float64), np.nan))
-        return cls(numbers("y", y))
+        return cls(fill(y))
 
     @property
     def name(self) -> str:
@@ -63,6 +55,15 @@ class Labels:
             return index.append(times[1:])
         step = 1 if isinstance(index, pd.PeriodIndex) else index[-1] - index[-2]
         return index.append(pd.Index([index[-1] + (k + 1) * step for k in range(steps)]))
+
+
+def fill(y: ArrayLike) -> Array:
+    """Return a copy of y, with NaN where it is masked."""
+    if not isinstance(y, np.ma.MaskedArray):
+        return numbers("y", y)
+    values = numbers("y", np.asarray(y.data))
+    values[np.ma.getmaskarray(y)] = np.nan
+    return values
 
 
 def _frequency(index: Any) -> Any:

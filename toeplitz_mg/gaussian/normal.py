@@ -13,7 +13,8 @@ from toeplitz_mg._typing import Array, Mask, Rows, Series
 from toeplitz_mg.columns.schur import schur_column, whiten_rows
 from toeplitz_mg.covariances import Covariance
 from toeplitz_mg.gaussian.elsewhere import ArrayNormal
-from toeplitz_mg.gaussian.fitting import NormalFit, Prediction, fit_normal
+from toeplitz_mg.gaussian.fitting import NormalFit, Prediction, fit_normal, spread_mean
+from toeplitz_mg.gaussian.labels import fill
 from toeplitz_mg.gaussian.observed import (
     INEXACT,
     LOST,
@@ -23,13 +24,13 @@ from toeplitz_mg.gaussian.observed import (
     Whole,
     largest_dense,
     observe,
+    warn_of_determinant,
     warn_of_gaps,
     warn_of_rounding,
 )
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
 from toeplitz_mg.gaussian.stochastic import estimate_logdet
 from toeplitz_mg.operators import ToeplitzOperator
-from toeplitz_mg.solvers.szego import warn_of_error
 from toeplitz_mg.values import count, generator, is_foreign, numbers, refuse_masked
 
 SHOWN = 5  # Positions that an error names.
@@ -121,7 +122,7 @@ class ToeplitzNormal:
                 "positive: it is the variance, a nugget included"
             )
         self.shape = self.A.grid_shape
-        self.mean = _check_mean(mean, self.shape)
+        self.mean = spread_mean(mean, self.shape)
         self.noise = None if noise is None else _check_noise(noise, self.shape)
         self._whole = Whole(self.A)
 
@@ -217,7 +218,7 @@ class ToeplitzNormal:
         """The log-determinant of A (see `toeplitz_logdet`)."""
         known = self._observe(None)
         value = known.logdet()
-        self._warn_of_error(known, stacklevel=4)
+        warn_of_determinant(known, stacklevel=3)
         return value
 
     @property
@@ -291,7 +292,7 @@ class ToeplitzNormal:
         Parameters
         ----------
         y, observed
-            As in `logpdf`.
+            As in `logpdf`, and so are errors.
 
         Returns
         -------
@@ -303,11 +304,6 @@ class ToeplitzNormal:
         by_y : ndarray of shape (..., n)
             Derivatives by the values, zero where they are not observed. Those by the means are the
             same with the other sign.
-
-        Raises
-        ------
-        ValueError, numpy.linalg.LinAlgError
-            As by `logpdf`.
 
         Notes
         -----
@@ -392,20 +388,13 @@ class ToeplitzNormal:
         Parameters
         ----------
         y, observed
-            As in `logpdf`.
+            As in `logpdf`, of one axis, and so are errors.
 
         Returns
         -------
         ndarray of the shape of `y`
             L⁻¹ (y - mean), with Cholesky's lower factor L of A: the error with which each number is
             predicted from those before it, over its standard deviation. NaN in gaps.
-
-        Raises
-        ------
-        ValueError
-            As by `logpdf`; or where c has several axes.
-        numpy.linalg.LinAlgError
-            Where the covariance is not positive definite.
 
         Notes
         -----
@@ -461,20 +450,13 @@ class ToeplitzNormal:
         Parameters
         ----------
         y, observed
-            As in `logpdf`, one series.
+            As in `logpdf`, one series of any size; other errors are those of `logpdf` too.
 
         Returns
         -------
         Conditional
             With attributes `mean`, the estimate at each point, `variance` and `std`, and methods
             `interval` and `rvs`.
-
-        Raises
-        ------
-        ValueError
-            Where `y` is not finite at a point that is observed, or has another shape.
-        numpy.linalg.LinAlgError
-            Where the covariance is not positive definite.
 
         Notes
         -----
@@ -530,7 +512,7 @@ class ToeplitzNormal:
         array([2.697, 2.398])
         """
         self._require_line("forecast")
-        past = _fill(y)
+        past = fill(y)
         n = past.size + count("steps", steps)
         if past.ndim != 1 or n > self.shape[0]:
             raise ValueError(
@@ -653,11 +635,6 @@ class ToeplitzNormal:
         if len(self.shape) > 1:
             raise ValueError(f"c has {len(self.shape)} axes, but {method} is for one")
 
-    def _warn_of_error(self, known: Observed, stacklevel: int) -> None:
-        """Warn where a log-determinant rests on one of the whole series that is inexact."""
-        if known.log_determinant is not None:
-            warn_of_error(known.log_determinant, self.A.shape[0], stacklevel)
-
     def _logpdf(self, y: ArrayLike, observed: ArrayLike | None) -> tuple[Array, Rows, Observed]:
         """Return the logarithms of the densities, the rows A⁻¹ (y - mean), and what is known."""
         residual, mask = _check_series(y, observed, self.mean)
@@ -665,33 +642,21 @@ class ToeplitzNormal:
         constant = known.logdet()
         rows = residual.reshape(-1, self.A.shape[0])
         X, squares = known.solve(rows)
-        size = rows.shape[1] if mask is None else int(np.count_nonzero(mask))
-        constant += size * float(np.log(2.0 * np.pi))
-        self._warn_of_error(known, stacklevel=5)
-        warn_of_rounding(self.A.norm_bound, X, squares, stacklevel=4)
+        constant += np.log(2.0 * np.pi) * (rows.shape[1] if mask is None else mask.sum())
+        warn_of_determinant(known, stacklevel=4)
+        warn_of_rounding(self.A, X, squares, stacklevel=4)
         value = -0.5 * (squares + constant)
         return value.reshape(residual.shape[: residual.ndim - len(self.shape)]), X, known
 
 
 @dataclass(frozen=True, repr=False)
 class Conditional:
-    """The distribution of all points of a process, given those that are observed: kriging.
-
-    Attributes
-    ----------
-    process : ToeplitzNormal
-    known : Observed
-        What is known of the covariance of the observed points.
-    mask : ndarray of bool
-        Where it is observed.
-    residual : ndarray of the shape of `process`
-        What was observed less the mean of the process, zero elsewhere.
-    """
+    """The distribution of all points of a process, given those that are observed: kriging."""
 
     process: ToeplitzNormal
-    known: Observed
-    mask: Mask
-    residual: Array
+    known: Observed  # What is known of the covariance of the observed points.
+    mask: Mask  # Where it is observed.
+    residual: Array  # What was observed less the mean of the process, zero elsewhere.
 
     @cached_property
     def mean(self) -> Array:
@@ -754,19 +719,6 @@ class Conditional:
         return X.reshape(fields.shape)
 
 
-def _check_mean(mean: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return means of this shape."""
-    array = numbers("mean", mean)
-    if not np.isfinite(array).all():
-        raise ValueError("mean is not finite somewhere")
-    try:
-        return np.broadcast_to(array, shape)
-    except ValueError:
-        raise ValueError(
-            f"mean has shape {array.shape}, but must broadcast to that of c, {shape}"
-        ) from None
-
-
 def _check_noise(noise: ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return variances of this shape."""
     array = numbers("noise", noise)
@@ -780,20 +732,11 @@ def _check_noise(noise: ArrayLike, shape: tuple[int, ...]) -> Array:
     return array
 
 
-def _fill(y: ArrayLike) -> Array:
-    """Return a copy of y, with NaN where it is masked."""
-    if not isinstance(y, np.ma.MaskedArray):
-        return numbers("y", y)
-    values = numbers("y", np.asarray(y.data))
-    values[np.ma.getmaskarray(y)] = np.nan
-    return values
-
-
 def _check_series(
     y: ArrayLike, observed: ArrayLike | None, mean: Array
 ) -> tuple[Array, Mask | None]:
     """Return y - mean, zero where it is not observed, of one or many series; and the mask."""
-    residual, shape = _fill(y), mean.shape
+    residual, shape = fill(y), mean.shape
     if residual.shape[max(residual.ndim - len(shape), 0) :] != shape:
         raise ValueError(
             f"y has shape {residual.shape}, but its last axes must be those of c, {shape}"
@@ -810,9 +753,11 @@ def _check_series(
     residual -= mean
     if mask is not None:
         residual[..., ~mask] = 0.0
-    wrong = ~np.isfinite(residual)
-    if wrong.any():
-        _refuse_positions(wrong)
+    wrong = np.argwhere(~np.isfinite(residual)).tolist()
+    if wrong:
+        named = ", ".join(str(tuple(p) if len(p) > 1 else p[0]) for p in wrong[:SHOWN])
+        more = f" and {len(wrong) - SHOWN} more positions" if len(wrong) > SHOWN else ""
+        raise ValueError(f"y is not finite at {named}{more}, but must be where it is observed")
     return residual, mask
 
 
@@ -828,11 +773,3 @@ def _check_observed(observed: ArrayLike, shape: tuple[int, ...]) -> Mask:
     mask = mask.copy()
     mask.flags.writeable = False
     return mask
-
-
-def _refuse_positions(wrong: Array) -> None:
-    """Raise the ValueError that says where y is not finite."""
-    positions = [tuple(map(int, p)) if len(p) > 1 else int(p[0]) for p in np.argwhere(wrong)]
-    named = ", ".join(map(str, positions[:SHOWN]))
-    more = f" and {len(positions) - SHOWN} more positions" if len(positions) > SHOWN else ""
-    raise ValueError(f"y is not finite at {named}{more}, but must be where it is observed")

@@ -11,13 +11,13 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from math import isqrt
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import next_fast_len
 from scipy.linalg import LinAlgWarning, cho_factor, cho_solve, solve_triangular
-from scipy.linalg.lapack import dpotrf, dpotri, dtrtri
+from scipy.linalg.lapack import dlauum, dpotrf, dpotri, dtrtri
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import LinearOperator
 
@@ -31,7 +31,7 @@ from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_columns, require_safe_sizes
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
-from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
+from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
@@ -45,12 +45,30 @@ INEXACT = 1e-8  # Relative error of derivatives above which there is a warning.
 NOISY = 1e-3  # Rounding of a quadratic form, for each unknown, above which there is a warning.
 
 
+class Known:
+    """What is known of observed points, without an estimate of its error."""
+
+    A: ToeplitzOperator
+
+    @property
+    def rounding(self) -> float:
+        """An estimate of the relative error of the covariance of what is missing."""
+        return 0.0
+
+    def solve(self, Y: Rows) -> tuple[Rows, Array]:
+        """Return α = A_oo⁻¹ y_o, extended by zeros, for each row y, and yᵀ α."""
+        raise NotImplementedError
+
+    def estimate(self, Y: Rows) -> Rows:
+        """Return A α, the means of all points, which at those observed is y but for rounding."""
+        return self.A.apply(self.solve(Y)[0])
+
+
 @dataclass(frozen=True)
-class Whole:
+class Whole(Known):
     """A series without gaps."""
 
     A: ToeplitzOperator
-    rounding: ClassVar[float] = 0.0
 
     @cached_property
     def column(self) -> SharpColumn:
@@ -68,21 +86,13 @@ class Whole:
         X = self.column.solve(Y)
         return X, np.vecdot(Y, X)
 
-    def estimate(self, Y: Rows) -> Rows:
-        """Return A α, which is y but for rounding, if A is positive definite."""
-        return self.A.apply(self.solve(Y)[0])
-
     def logdet(self) -> float:
         """Return log det A."""
         return self.log_determinant.value
 
-    def diagonal_sums(self) -> Array:
-        """Return the sums of the diagonals of A⁻¹."""
-        return self.column.polynomial.diagonal_sums
-
     def by_covariances(self, X: Rows) -> Array:
         """Return the derivatives of the logarithm of the density by all c, for each row α."""
-        return _by_lags(X, self.diagonal_sums())
+        return _by_lags(X, self.column.polynomial.diagonal_sums)
 
     def variances(self) -> Array:
         """Return none."""
@@ -98,7 +108,7 @@ class Whole:
 
 
 @dataclass(frozen=True)
-class Gaps:
+class Gaps(Known):
     """A series of which few points are missing, at positions m.
 
     With B = (A⁻¹)_mm it is E A_oo⁻¹ Eᵀ = A⁻¹ - A⁻¹_:m B⁻¹ A⁻¹_m:, and det A_oo = det A det B.
@@ -106,11 +116,6 @@ class Gaps:
 
     whole: Whole
     missing: Array
-
-    @property
-    def log_determinant(self) -> LogDeterminant:
-        """That of the series without gaps."""
-        return self.whole.log_determinant
 
     @cached_property
     def _factor(self) -> Array:
@@ -159,7 +164,7 @@ class Gaps:
     @cached_property
     def _upper(self) -> Array:
         """B⁻¹ on and above its diagonal; below anything."""
-        return dpotri(self._factor, lower=1)[0].T
+        return dlauum(self._root, lower=1)[0].T
 
     def inverse(self) -> Array:
         """Return B⁻¹."""
@@ -168,8 +173,6 @@ class Gaps:
 
     def variances(self) -> Array:
         """Return the variances of what is missing, given what is observed."""
-        if "_upper" in self.__dict__:  # It is known already, and else takes twice as long.
-            return self._upper.diagonal().copy()
         return np.vecdot(self._root.T, self._root.T)
 
     def inverse_diagonal(self) -> Array:
@@ -185,7 +188,7 @@ class Gaps:
 
     @property
     def rounding(self) -> float:
-        """An estimate of the relative error of B⁻¹, which is large where a long gap is smooth."""
+        """That of B⁻¹, which is large where a long gap is smooth."""
         polynomial = self.whole.column.polynomial
         size = polynomial.x[0] * np.abs(polynomial.values).max() ** 2  # At least ‖A⁻¹‖.
         return 3.0 * EPS * float(size * self.variances().sum())
@@ -201,18 +204,16 @@ class Gaps:
         circle = circle_of(2 * len(x) - 1, x.dtype)
         p, q = circle.values(x), circle.values(self.whole.column.solve(by_x[np.newaxis])[0])
         lost = circle.coefficients(p.real * q.real + p.imag * q.imag, len(x))
-        return _by_lags(X, self.whole.diagonal_sums() - lost)
+        return _by_lags(X, self.whole.column.polynomial.diagonal_sums - lost)
 
 
 @dataclass(frozen=True)
-class Few:
+class Few(Known):
     """A grid of any number of axes of which few points are observed: the dense matrix."""
 
     A: ToeplitzOperator
     index: Array
     noise: Array | None = None
-    log_determinant: ClassVar[None] = None
-    rounding: ClassVar[float] = 0.0
 
     @cached_property
     def _factor(self) -> Array:
@@ -241,10 +242,6 @@ class Few:
         """Return A_oo⁻¹ B."""
         quotient: Array = cho_solve((self._factor, True), B)
         return quotient
-
-    def estimate(self, Y: Rows) -> Rows:
-        """Return A α."""
-        return self.A.apply(self.solve(Y)[0])
 
     def logdet(self) -> float:
         """Return log det A_oo."""
@@ -292,14 +289,12 @@ class Few:
 
 
 @dataclass(frozen=True)
-class Many:
+class Many(Known):
     """A grid of any number of axes, by iteration: no determinant."""
 
     A: ToeplitzOperator
     mask: Mask
     noise: Array | None = None
-    log_determinant: ClassVar[None] = None
-    rounding: ClassVar[float] = 0.0
 
     @cached_property
     def _operators(self) -> tuple[LinearOperator, LinearOperator]:
@@ -332,14 +327,6 @@ class Many:
                 )
         return X, np.vecdot(Y, X)
 
-    def estimate(self, Y: Rows) -> Rows:
-        """Return A α."""
-        return self.A.apply(self.solve(Y)[0])
-
-    def logdet(self) -> float:
-        """Raise the ValueError that says why none is known."""
-        raise ValueError(self._reason())
-
     def variances(self) -> Array:
         """Return the diagonal of A_mm - A_mo A_oo⁻¹ A_om, with the noise of what is missing."""
         inside = self.mask.ravel()
@@ -351,15 +338,8 @@ class Many:
             squares[rows] = self.solve(Y)[1]
         return _variances(self, missing, squares)
 
-    def by_covariances(self, X: Rows) -> Array:
-        """Raise the ValueError that says why no log-determinant is known."""
-        raise ValueError(self._reason())
-
-    def inverse_diagonal(self) -> Array:
+    def logdet(self, *_: Rows) -> Any:
         """Raise the ValueError that says why it is not known."""
-        raise ValueError(self._reason())
-
-    def _reason(self) -> str:
         observed = np.count_nonzero(self.mask)
         if self.noise is not None:
             beyond = "logpdf_estimate estimates it, of one axis"
@@ -367,11 +347,13 @@ class Many:
             beyond = "what is approximate, as Whittle's likelihood, is not in this package"
         else:
             beyond = f"or where at most {MOST} are missing, and not {self.mask.size - observed}"
-        return (
+        raise ValueError(
             f"{observed} of {self.mask.size} points are observed, but the log-determinant is known "
             f"exactly only of up to {largest_dense()} on this machine, whose dense matrix takes a "
             f"quarter of its memory; {beyond}; conditional needs none"
         )
+
+    by_covariances = inverse_diagonal = logdet
 
 
 Observed = Whole | Gaps | Few | Many
@@ -415,10 +397,7 @@ def observe(
             return whole
     observed = int(np.count_nonzero(mask))
     missing = mask.size - observed
-    is_line = mask.ndim == 1 and noise is None
-    if observed <= (min(MOST, max(missing, 1)) if is_line else MOST):
-        return Few(A, np.flatnonzero(mask), noise)
-    if is_line and missing <= MOST:
+    if mask.ndim == 1 and noise is None and missing <= MOST and missing < observed:
         return Gaps(whole, np.flatnonzero(~mask))
     if observed <= dense:
         return Few(A, np.flatnonzero(mask), noise)
@@ -474,14 +453,7 @@ def by_column(x: Array, index: Array, inverse: Array) -> Array:
 
     S_(p,p+t) is the sum of the entries of B⁻¹ of the pairs of positions at the distance t, from p
     on: it is the same for all p from one position to the next, so that they are multiplied at once.
-
-    Parameters
-    ----------
-    x : ndarray of shape (n,)
-    index : ndarray of int, of shape (m,)
-        In ascending order.
-    inverse : ndarray of shape (m, m)
-        B⁻¹, of which what is below the diagonal is not used.
+    The positions ascend; of `inverse`, B⁻¹, what is below the diagonal is not used.
     """
     last = int(index[-1])
     pair = np.stack([x, np.append(0.0, x[:0:-1])])
@@ -513,9 +485,16 @@ def by_column(x: Array, index: Array, inverse: Array) -> Array:
     return by_x / x[0]
 
 
-def warn_of_rounding(norm: float, X: Rows, squares: Array, stacklevel: int) -> None:
-    """Warn where yᵀ α may be rounding, of rows α = A⁻¹ y with a matrix of this norm."""
-    noise = EPS * norm * np.vecdot(X, X)
+def warn_of_determinant(known: Observed, stacklevel: int) -> None:
+    """Warn where a log-determinant rests on one of the whole series that is inexact."""
+    whole = known.whole if isinstance(known, Gaps) else known
+    if isinstance(whole, Whole):
+        warn_of_error(whole.log_determinant, whole.A.shape[0], stacklevel + 1)
+
+
+def warn_of_rounding(A: ToeplitzOperator, X: Rows, squares: Array, stacklevel: int) -> None:
+    """Warn where yᵀ α may be rounding, of rows α = A⁻¹ y."""
+    noise = EPS * A.norm_bound * np.vecdot(X, X)
     worst = int(noise.argmax()) if len(noise) else 0
     if len(noise) and noise[worst] > NOISY * X.shape[1]:
         warnings.warn(

@@ -26,22 +26,12 @@ PART = 2**22  # Random numbers at once.
 
 @dataclass(frozen=True)
 class Embedding:
-    """A periodic process of which the grid is a part.
+    """A periodic process of which the grid is a part."""
 
-    Attributes
-    ----------
-    root : ndarray
-        Square roots of the eigenvalues of its covariance, as ``rfftn`` orders them.
-    period : tuple of int
-    grid_shape : tuple of int
-    error : float
-        The largest error of a covariance on the grid, in units of the variance.
-    """
-
-    root: Array
+    root: Array  # Square roots of the eigenvalues of its covariance, as `rfftn` orders them.
     period: tuple[int, ...]
     grid_shape: tuple[int, ...]
-    error: float
+    error: float  # The largest of a covariance on the grid, in units of the variance.
 
     def draw(self, rows: int, random: Any) -> Array:
         """Return independent samples, shape (rows, ...)."""
@@ -64,21 +54,14 @@ class Embedding:
 class Recursion:
     """Draws each number from those before it: exact for any covariance, in n² steps.
 
-    Attributes
-    ----------
-    c : ndarray of shape (n,)
-        The covariances.
-    gamma : ndarray of shape (n - 1,)
-        The Schur parameters (see `schur_column`).
-
     References
     ----------
     J. R. M. Hosking, Modeling persistence in hydrological time series using fractional
     differencing, Water Resour. Res. 20 (1984).
     """
 
-    c: Array
-    gamma: Array
+    c: Array  # The covariances.
+    gamma: Array  # The Schur parameters (see `schur_column`).
 
     @cached_property
     def error(self) -> float:
@@ -107,11 +90,34 @@ class Recursion:
 def embed(c: Array, column: Callable[[], Array]) -> Embedding | Recursion:
     """Continue a covariance periodically; `column` returns A⁻¹ e₁ of one axis.
 
-    Of one axis there is a way for each that is positive definite.
+    Of one axis there is a way for each that is positive definite, of several an error may say how
+    large a grid would do.
     """
-    if c.ndim > 1:
-        return embed_field(c)
-    return embed_in_circulant(c) or embed_by_column(c, column()) or Recursion(c, schur_column(c)[1])
+    embedding = embed_in_circulant(c)
+    if c.ndim == 1:
+        return embedding or embed_by_column(c, column()) or Recursion(c, schur_column(c)[1])
+    if embedding is not None:
+        return embedding
+    edges = [
+        float(np.abs(np.take(c, n - 1, axis)).max()) / float(c.flat[0])
+        for axis, n in enumerate(c.shape)
+    ]
+    # The grid at whose edges the covariance has decayed, if it goes on as on this one.
+    shape = tuple(
+        n if edge <= DECAYED else int(np.ceil(n * np.log(DECAYED) / np.log(edge)))
+        for edge, n in zip(edges, c.shape, strict=True)
+        if edge < 0.9
+    )
+    if len(shape) < c.ndim:
+        advice = "the covariance does not decay over the grid, and so no size can be told"
+    elif shape == c.shape:
+        advice = "it has decayed there, so that no field has it: add to c[0] (a nugget)"
+    else:
+        advice = f"give c on a grid of some {shape}, where it has decayed, and cut the samples"
+    raise np.linalg.LinAlgError(
+        f"the covariance on the grid {c.shape}, continued by its mirror image, is not positive "
+        f"semidefinite: {advice}"
+    )
 
 
 def embed_in_circulant(c: Array) -> Embedding | None:
@@ -141,35 +147,6 @@ def embed_by_column(c: Array, x: Array) -> Embedding | None:
         if embedding.error <= LARGEST_ERROR:
             return embedding
     return None
-
-
-def embed_field(c: Array) -> Embedding:
-    """Embed the covariance of several axes, or say how large a grid would do."""
-    embedding = embed_in_circulant(c)
-    if embedding is not None:
-        return embedding
-    shape = suggest_shape(c)
-    if shape is None:
-        advice = "the covariance does not decay over the grid, and so no size can be told"
-    elif shape == c.shape:
-        advice = "it has decayed there, so that no field has it: add to c[0] (a nugget)"
-    else:
-        advice = f"give c on a grid of some {shape}, where it has decayed, and cut the samples"
-    raise np.linalg.LinAlgError(
-        f"the covariance on the grid {c.shape}, continued by its mirror image, is not positive "
-        f"semidefinite: {advice}"
-    )
-
-
-def suggest_shape(c: Array) -> tuple[int, ...] | None:
-    """Return the grid at whose edges a covariance has decayed, if it goes on as on this one."""
-    shape = []
-    for axis, n in enumerate(c.shape):
-        edge = float(np.abs(np.take(c, n - 1, axis)).max()) / float(c.flat[0])
-        if not edge < 0.9:
-            return None
-        shape.append(n if edge <= DECAYED else int(np.ceil(n * np.log(DECAYED) / np.log(edge))))
-    return tuple(shape)
 
 
 def _embedding(spectrum: Array, period: tuple[int, ...], c: Array) -> Embedding:

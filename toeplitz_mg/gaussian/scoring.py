@@ -11,10 +11,7 @@ from scipy.special import expit
 
 from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.covariances import Covariance
-from toeplitz_mg.gaussian.information import (
-    covariance_information,
-    information_of_contrasts,
-)
+from toeplitz_mg.gaussian.information import covariance_information, information_of_contrasts
 from toeplitz_mg.gaussian.observed import MOST, Observed, Whole, largest_dense, observe
 from toeplitz_mg.operators import ToeplitzOperator
 
@@ -28,21 +25,11 @@ MOST_REFUSED = 8  # Steps in turn that do not increase the likelihood: it is kno
 
 @dataclass(frozen=True)
 class Data:
-    """A series, or field, that may have gaps, and regressors.
+    """A series, or field, that may have gaps, and regressors: zero where it was not observed."""
 
-    Attributes
-    ----------
-    y : ndarray of shape (n,)
-        Zero where it was not observed, and without what least squares tell of the regressors.
-    Q : ndarray of shape (k, n)
-        Orthonormal rows that span the regressors, zero where y was not observed.
-    mask : ndarray of bool
-        Where it was observed, of the shape of the grid.
-    """
-
-    y: Array
-    Q: Rows
-    mask: Mask
+    y: Array  # Of shape (n,), without what least squares tell of the regressors.
+    Q: Rows  # Orthonormal rows that span the regressors.
+    mask: Mask  # Where it was observed, of the shape of the grid.
 
     @cached_property
     def n_observed(self) -> int:
@@ -155,7 +142,11 @@ class Point:
     @cached_property
     def information(self) -> Array:
         """Fisher's information on the parameters."""
-        return covariance_information(self.known, self.derivatives) - self._taken
+        information = covariance_information(self.known, self.derivatives)
+        if self.restricted and len(self.data.Q):
+            Z, inside = self._whitened, self.data.mask.ravel()
+            information -= information_of_contrasts(self.known, Z, inside, self.derivatives)
+        return information
 
     @cached_property
     def average_information(self) -> Array:
@@ -175,43 +166,26 @@ class Point:
         rows: Rows = solve_triangular(self.factor, self._solved[1:], lower=True)
         return rows
 
-    @cached_property
-    def _taken(self) -> Array | float:
-        if not self.restricted or not len(self.data.Q):
-            return 0.0
-        return information_of_contrasts(
-            self.known, self._whitened, self.data.mask.ravel(), self.derivatives
-        )
-
 
 class Search:
-    """A search for the largest likelihood, by steps of scoring in a trust region.
-
-    Attributes
-    ----------
-    u : ndarray of shape (p,)
-        The transformed parameters that were found.
-    flat : ndarray of bool
-        Which parameters have come to a bound.
-    iterations : int
-    converged : bool
-    """
+    """A search for the largest likelihood, by steps of scoring in a trust region."""
 
     def __init__(self, data: Data, covariance: Covariance, restricted: bool, maxiter: int) -> None:
         self.data, self.covariance, self.restricted = data, covariance, restricted
         self._points: dict[bytes, Point | None] = {}
-        self.u = np.empty(0)
-        self.flat, self.iterations, self.converged = np.empty(0, dtype=bool), 0, True
+        self.u = np.empty(0)  # The transformed parameters that were found.
+        self.flat = np.empty(0, dtype=bool)  # Which parameters have come to a bound.
+        self.iterations, self.converged = 0, True
         self._transform = Transform.of(covariance)
         if len(covariance.theta):
             self._run(covariance.theta, maxiter)
 
     def point(self, theta: Array) -> Point:
         """Return the likelihood of these parameters."""
-        shape = self.data.mask.shape
         covariance = self.covariance.with_theta(theta)
-        c, derivatives = covariance.values_and_gradient(shape if len(shape) > 1 else shape[0])
-        return Point(self.data, self.restricted, c, derivatives)
+        return Point(
+            self.data, self.restricted, *covariance.values_and_gradient(self.data.mask.shape)
+        )
 
     @cached_property
     def theta(self) -> Array:

@@ -20,19 +20,9 @@ def estimate_logdet(
     It is log det A_oo + tr log K with K = A_oo^(-1/2) (A + D)_oo A_oo^(-1/2). A draw z of the
     process of A is A_oo^(1/2) w with a normal w, so that Lanczos's method in the inner product of
     A_oo⁻¹ has a quadrature of wᵀ log K w. What it has in common with wᵀ K w, whose mean tr K is
-    known exactly, is taken out.
-
-    Parameters
-    ----------
-    A : ToeplitzOperator
-        The covariance with a noise that is the same everywhere.
-    known : Observed
-        What is known of its observed points, at those of `mask`.
-    mask : ndarray of bool, of shape (n,)
-    rest : ndarray of shape (n,)
-        The diagonal of D, the difference of the noise from that.
-    draws : ndarray of shape (probes, n)
-        Samples of the process of A.
+    known exactly, is taken out. A has the noise that is the same everywhere, `known` is what is
+    known of it at the observed points of `mask`, `rest` is the diagonal of D, by which the noise
+    differs from that, and each row of `draws` is a sample of the process of A.
 
     References
     ----------
