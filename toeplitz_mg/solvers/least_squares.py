@@ -105,7 +105,7 @@ def toeplitz_lstsq(
     See Also
     --------
     scipy.sparse.linalg.lsqr : for any operator, without a preconditioner.
-    right_preconditioned : an operator for it.
+    RightPreconditioned : an operator for it.
     solve_toeplitz : for square matrices.
 
     Notes
