@@ -15,8 +15,10 @@ TEXT = (".txt", ".csv", ".dat")  # Endings of the names of files that are text.
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # How texts in UTF-16 begin.
 
 
-def load_table(path: Path) -> Array:
+def load_table(path: Path, is_text: bool | None = None) -> Array:
     """Read an array from a ``.npy`` file, or a table of numbers from a text file.
+
+    By default its ending says which.
 
     Raises
     ------
@@ -26,7 +28,7 @@ def load_table(path: Path) -> Array:
         Where it is not what its name says, holds Python objects, or no numbers at all.
     """
     stem = path.with_suffix("") if path.suffix.lower() == ".gz" else path
-    is_text = stem.suffix.lower() in TEXT
+    is_text = stem.suffix.lower() in TEXT if is_text is None else is_text
     with open_file(path) as file:
         try:
             array: Any = _read_text(file.read()) if is_text else np.load(file, allow_pickle=False)

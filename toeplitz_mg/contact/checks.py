@@ -32,11 +32,8 @@ def check_load(
         raise ValueError("gap has the value -inf: where there is no material, it is inf")
     given = {"approach": approach, "force": force, "pressure": pressure}
     if sum(value is not None for value in given.values()) != 1:
-        told = given if pressure is not None else {"approach": approach, "force": force}
-        raise ValueError(
-            f"{' and '.join(f'{name} is {value}' for name, value in told.items())}, but one of the "
-            f"{('two', 'three')[len(told) - 2]} must be given"
-        )
+        told = ", ".join(f"{name} is {value}" for name, value in given.items())
+        raise ValueError(f"{told}, but one of the three must be given")
     if approach is not None:
         approach = finite("approach", approach, "mm")
         if grid.has_free_mean and approach >= (mean := grid.vectors.sum(z) / z.size):

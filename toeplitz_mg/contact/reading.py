@@ -4,6 +4,7 @@ import io
 import re
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import product
 from math import prod
 from os import PathLike
@@ -93,11 +94,17 @@ def read(
         try:
             heights = _read_heights(path)
         except ValueError as error:
-            refused = ValueError(f"{error}; a height that is missing is written nan")
+            hint = "; a height that is missing is written nan" if ending.lower() in TEXT else ""
+            refused = ValueError(f"{error}{hint}")
     periodic = False
     if heights is None:
         found = _ask_library(path, channel, refused)
-        if found is None or (found.sizes is None and ending.lower() in TEXT):
+        if found is not None and found.sizes is None and ending.lower() not in TEXT:
+            with suppress(ValueError):  # A table by another name: the library has its rows along y.
+                heights = _read_heights(path, is_text=True)
+        if heights is not None:
+            pass
+        elif found is None or (found.sizes is None and ending.lower() in TEXT):
             # Rows of such a text would be taken along y.
             if refused is not None or ending.lower() not in TEXT:
                 raise refused or ValueError(
@@ -129,9 +136,9 @@ def _says_sizes(path: Path) -> bool:
             return False
 
 
-def _read_heights(path: Path) -> Array:
+def _read_heights(path: Path, is_text: bool | None = None) -> Array:
     """Read a table of heights, of a surface or along a profile, or say why these are none."""
-    heights = load_table(path)
+    heights = load_table(path, is_text)
     if heights.ndim not in (1, 2):
         raise ValueError(
             f"{path} has shape {heights.shape}, but must be heights of a surface, or of a profile"

@@ -230,7 +230,7 @@ def correlate(theta: Sequence[Decimal], x: Array, n: int) -> Array:
     """Return Σ_i θ_i x_(i-k), k = 0, …, n - 1."""
     sums = np.full(n, Decimal(0))
     for k in range(len(theta)):
-        sums[k] = np.dot(theta[k:], x[: len(theta) - k])
+        sums[k] = np.dot(np.array(theta[k:]), x[: len(theta) - k])
     return sums
 
 

@@ -73,7 +73,7 @@ class Transform:
 
     @property
     def _is_free(self) -> Mask:
-        return np.isinf(self.bounds).all(axis=1)
+        return np.asarray(np.isinf(self.bounds).all(axis=1))
 
     @property
     def _kinds(self) -> Sequence[Mask]:
