@@ -382,7 +382,10 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
         (["rough", "WORDS", "--force", "1", "--element", "1"], "is not a table of numbers"),
         (["rough", "WORDS", "--force", "1", "--element", "1"], "that is missing is written nan"),
         (["rough", "LINE", "--approach", "1", "--element", "1"], "plane strain leaves it open"),
-        (["rough", "CUBE", "--force", "1", "--element", "1"], "has shape (4, 4, 4), but must be heights"),
+        (
+            ["rough", "CUBE", "--force", "1", "--element", "1"],
+            "has shape (4, 4, 4), but must be heights",
+        ),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

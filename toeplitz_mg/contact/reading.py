@@ -100,7 +100,7 @@ def read(
     if heights is None:
         found = _ask_library(path, channel, refused)
         if found is not None and found.sizes is None and ending.lower() not in TEXT:
-            with suppress(ValueError):  # A table by another name: the library has its rows along y.
+            with suppress(ValueError):  # A table by another name, whose rows lie along x.
                 heights = _read_heights(path, is_text=True)
         if heights is not None:
             pass
