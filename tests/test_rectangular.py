@@ -80,12 +80,19 @@ def test_first_column_and_row_of_different_lengths():
 
 @pytest.mark.parametrize("c", [(50,), (3, 1), (2, 3, 40)])
 @pytest.mark.parametrize("x", [(40,), (40, 1), (40, 5), (3, 40, 2)])
-def test_matmul_is_that_of_scipy_with_batches_too(c, x):
+def test_matmul_is_dense_with_batches_too(c, x):
     c, X = seeded(*c), seeded(*x)
     r = seeded(*c.shape[:-1], 40)
-    actual, expected = (f((c, r), X) for f in (tmg.matmul_toeplitz, matmul_toeplitz))
+    columns = X[:, np.newaxis] if X.ndim == 1 else X
+    batch = np.broadcast_shapes(c.shape[:-1], columns.shape[:-2])
+    of = np.vectorize(toeplitz, signature="(m),(n)->(m,n)")
+    expected = np.broadcast_to(of(c, r), (*batch, c.shape[-1], 40)) @ columns
+    expected = expected[..., 0] if X.ndim == 1 else expected
+    actual = tmg.matmul_toeplitz((c, r), X)
     assert actual.shape == expected.shape
     assert_allclose(actual, expected, rtol=0, atol=1e-12)
+    if batch == ():
+        assert_allclose(actual, matmul_toeplitz((c, r), X), rtol=0, atol=1e-12)
 
 
 PROBLEMS = ["line", "least norm", "filter", "covariance method", "same", "image", "wide", "motion"]
