@@ -241,7 +241,6 @@ def test_arrays_of_two_libraries_are_refused_by_name(xp):
         *(lambda f=f: f(B, A) for f in (operator.add, operator.sub, operator.matmul)),
         lambda: B + diags_array(np.arange(7.0)),
         lambda: tmg.multigrid(B),
-        lambda: tmg.select_preconditioner(B),
         lambda: tmg.spectral_preconditioner(B),
         lambda: tmg.tau_preconditioner(B),
         lambda: tmg.jacobi_preconditioner(B),

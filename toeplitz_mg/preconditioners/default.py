@@ -21,7 +21,7 @@ from toeplitz_mg.operators.lifting import (
 )
 from toeplitz_mg.operators.positivity import LAST_RESORT, precision
 from toeplitz_mg.operators.sums import average
-from toeplitz_mg.preconditioners.choice import Candidate, Make, Plan, Selection, plan
+from toeplitz_mg.preconditioners.choice import Candidate, Plan, Selection, plan
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner
 from toeplitz_mg.preconditioners.direct import NotPositiveDefinite
 from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
@@ -131,23 +131,31 @@ def default_preconditioner(
     return _make(plan(A, solves), dtype)
 
 
-def _make_elsewhere(A: LinearOperator, dtype: DTypeLike | None) -> LinearOperator:
-    """Return the first that is not refused of those that arrays of any library have."""
+def _candidates_elsewhere(A: LinearOperator) -> list[Candidate]:
+    """Return what arrays of any library have, the first to be taken first."""
     full, mask = unwrap(A)
     if isinstance(full, CoupledOperator):
         check_hermitian(full)
     else:
         unwrap_toeplitz(A, check_hermitian)
+    candidates = [
+        Candidate("cosine_preconditioner", "all of a grid", cosine_preconditioner),
+        Candidate("chan_preconditioner", "whatever the kernel", chan_preconditioner),
+    ]
     is_mask = mask is not None and not mask.all()
-    functions: list[Make] = [cosine_preconditioner, chan_preconditioner]
     if is_mask and len(grid_of(A)) <= 2 + isinstance(full, CoupledOperator):
-        functions.insert(0, fsai_preconditioner)
+        candidates.insert(0, Candidate("fsai_preconditioner", "a mask", fsai_preconditioner))
+    return candidates
+
+
+def _make_elsewhere(A: LinearOperator, dtype: DTypeLike | None) -> LinearOperator:
+    """Return the first that is not refused of those that arrays of any library have."""
     refusals = []
-    for function in functions:
+    for candidate in _candidates_elsewhere(A):
         try:
-            return function(A, dtype=dtype)
+            return candidate.make(A, dtype=dtype)
         except (np.linalg.LinAlgError, ValueError) as error:
-            logger.info("%s is refused: %s", function.__name__, error)
+            logger.info("%s is refused: %s", candidate.name, error)
             refusals.append(error)
     raise refusals[-1]
 
@@ -199,6 +207,9 @@ def select_preconditioner(A: LinearOperator, *, solves: int = 1) -> Selection:
     full, mask = unwrap(A)
     if isinstance(full, ToeplitzSum):
         A = restrict(average(full, mask)[0], mask)
+    if library_for(A) is not NUMPY:
+        count("solves", solves)
+        return Selection(tuple(_candidates_elsewhere(A)))
     return _list(plan(A, solves))
 
 

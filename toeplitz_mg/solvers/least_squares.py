@@ -269,7 +269,7 @@ class RightPreconditioned(LinearOperator):
 
     See Also
     --------
-    toeplitz_lstsq : least squares, without further ado.
+    toeplitz_lstsq : solves the problem itself.
 
     Examples
     --------
