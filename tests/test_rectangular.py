@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import LinAlgWarning, hankel, matmul_toeplitz, toeplitz
-from scipy.signal import convolve
+from scipy.signal import convolve, lfilter
 from scipy.sparse import eye_array
 from scipy.sparse.linalg import eigsh, lsmr, lsqr, svds
 
@@ -166,7 +166,7 @@ def test_least_squares_are_those_of_a_dense_solve(name, damp):
     stacked = np.concatenate([dense, damp * np.eye(n)]) if damp else dense
     expected = np.linalg.lstsq(stacked, np.concatenate([b, np.zeros(n if damp else 0)]))[0]
     x, info = tmg.toeplitz_lstsq(A, b, damp, rtol=1e-11, full_output=True)
-    assert info.gradient <= 1e-11
+    assert info.error <= 1e-11
     condition = np.linalg.cond(stacked)
     bound = 1e-9 * max(1.0, condition) * np.linalg.norm(expected)
     assert np.linalg.norm(x - expected) <= bound
@@ -181,6 +181,20 @@ def test_least_squares_of_any_size(of_A, of_b):
     expected = tmg.toeplitz_lstsq((c, r), b, 0.1)
     x = tmg.toeplitz_lstsq((of_A * c, of_A * r), of_b * b, 0.1 * of_A)
     assert_allclose(x / (of_b / of_A), expected, rtol=1e-9)
+    with pytest.raises(np.linalg.LinAlgError, match="x is beyond the largest float64"):
+        tmg.toeplitz_lstsq((1e-200 * c, 1e-200 * r), 1e200 * b)
+    assert not tmg.toeplitz_lstsq((0 * c, 0 * r), b).any()
+
+
+def test_an_ill_conditioned_filter_keeps_the_digits_of_a_dense_solve():
+    """Normal equations alone would lose twice as many."""
+    signal = lfilter([1.0], np.poly([0.98] * 3), seeded(3000))
+    A = tmg.ToeplitzOperator.from_lags(signal / np.abs(signal).max(), (2971, 30))
+    taps, dense = seeded(30), A.toarray()
+    condition = np.linalg.cond(dense)
+    assert condition > 1e5
+    x = tmg.toeplitz_lstsq(A, dense @ taps, rtol=1e-13)
+    assert np.linalg.norm(x - taps) <= 1e-12 * condition * np.linalg.norm(taps)
 
 
 def test_lsqr_with_a_right_preconditioner_solves_the_damped_problem():

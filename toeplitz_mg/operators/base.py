@@ -363,7 +363,7 @@ def require_numpy(
     if library is not NUMPY:
         raise TypeError(
             f"A has arrays of {library.name}, but {what} needs those of numpy: on others there are "
-            f"cg and richardson, and the preconditioners {others}"
+            f"cg, gmres and richardson, and the preconditioners {others}"
         )
 
 

@@ -79,8 +79,7 @@ def of_numpy(A: ToeplitzOperator) -> ToeplitzOperator:
     """Return a Toeplitz matrix of any library on NumPy's arrays; one of NumPy's as it is."""
     if A.library is NUMPY:
         return A
-    a = A.coefficients
-    return ToeplitzOperator(replace(a, array=np.array(a.library.to_numpy(a.array))))
+    return ToeplitzOperator(cast(ToeplitzOperator, coefficients_on_numpy(A)).coefficients)
 
 
 def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:

@@ -2,6 +2,7 @@
 
 import warnings
 from contextlib import suppress
+from math import hypot, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,8 +36,10 @@ class LeastSquaresInfo(NamedTuple):
     iterations : int
     residual : float
         ‖b - A x‖.
-    gradient : float
-        What the tolerance is for: ‖Aᴴ(b - A x) - damp² x‖ / ‖Aᴴ b‖.
+    error : float
+        What the tolerance is for: with r = b - A x and R = (‖r‖² + damp² ‖x‖²)^½ the lesser of
+        ‖Aᴴ r - damp² x‖ / (‖A‖ R) and R / ‖b‖, as `scipy.sparse.linalg.lsqr` has them. Then x
+        minimises for a matrix, or a right-hand side, that differs by so much in proportion.
 
     See Also
     --------
@@ -46,7 +49,7 @@ class LeastSquaresInfo(NamedTuple):
     method: str
     iterations: int
     residual: float
-    gradient: float
+    error: float
 
 
 def toeplitz_lstsq(
@@ -73,7 +76,9 @@ def toeplitz_lstsq(
     damp : float
         Regularisation as in `scipy.sparse.linalg.lsqr`.
     rtol : float
-        It has converged where ‖Aᴴ(b - A x) - damp² x‖ ≤ rtol ‖Aᴴ b‖.
+        It has converged where the `error` of `LeastSquaresInfo` is not above that. The error of x
+        is then at most some rtol times the condition number of A, and times its square where the
+        residual is as large as b.
     maxiter : int, optional
         Most iterations of one solve with the normal equations, 10 n by default.
     M : LinearOperator, optional
@@ -91,6 +96,8 @@ def toeplitz_lstsq(
 
     Raises
     ------
+    numpy.linalg.LinAlgError
+        Where x is beyond the largest number of its precision.
     TypeError
         Where `A` is no Toeplitz matrix, or `b` not of numbers.
     ValueError
@@ -113,8 +120,7 @@ def toeplitz_lstsq(
     AᴴA is a Toeplitz matrix where A has all rows of a full convolution, and AAᴴ is where it has all
     columns, as a valid one. Then that system is solved, and in the second case x = Aᴴy. Elsewhere
     the preconditioner is that of the matrix that AᴴA would be with all rows. The residual is
-    computed with A itself and corrected, so that squaring the condition number costs no digits
-    unless it is above some 1e8.
+    computed with A itself, and x corrected by it until the tolerance is met.
 
     Examples
     --------
@@ -155,16 +161,19 @@ def toeplitz_lstsq(
     info = LeastSquaresInfo(
         normal.method, *map(max, zip(*(rest for _, rest in found), strict=True))
     )
-    if not info.gradient <= tolerance:
+    if not info.error <= tolerance:
         warnings.warn(
-            f"the gradient is {info.gradient:.2g} of Aᴴb, and not {rtol}: A is too ill-conditioned "
-            "for that, or maxiter too small: give a larger damp, rtol or maxiter",
+            f"the error is {info.error:.2g}, and not {rtol}: A is too ill-conditioned for that, or "
+            "maxiter too small: give a larger damp, rtol or maxiter",
             LinAlgWarning,
             stacklevel=2,
         )
     # The numbers are powers of two, so that no digit changes.
-    X = (np.stack([x for x, _ in found], axis=1) * (of_b / of_A)).astype(dtype)
+    with np.errstate(over="ignore"):
+        X = (np.stack([x for x, _ in found], axis=1) * (of_b / of_A)).astype(dtype)
     info = info._replace(residual=info.residual * of_b)
+    if not np.isfinite(X).all():
+        raise np.linalg.LinAlgError(f"x is beyond the largest {dtype}: divide b by a number")
     x = X if B.ndim == 2 else X[:, 0]
     return (x, info) if full_output else x
 
@@ -196,32 +205,35 @@ class _NormalEquations:
             self._M = precondition(T)
 
     def solve(self, b: Array, rtol: float) -> tuple[Array, tuple[int, float, float]]:
-        """Return x, the iterations, ‖b - A x‖, and the gradient over that of 0."""
+        """Return x, the iterations, ‖b - A x‖ and the error."""
         dtype = np.result_type(self.A.dtype, b)
         x, y = (np.zeros(n, dtype) for n in self.A.shape[::-1])
-        r, g, gradient = self._residual(b, x, y)
-        first, iterations = gradient, 0
+        r, g, error = self._residual(b, x, y)
+        iterations = 0
         for _ in range(CORRECTIONS):
-            if gradient <= rtol * first:
+            if error <= rtol:
                 break
-            change, steps = self._correct(g, rtol * first / gradient)
+            change, steps = self._correct(g, rtol / error)
             iterations += steps
             # Not x = Aᴴ(y + change), whose terms may be much larger than x.
             trial = x + (self.adjoint @ change if self._is_dual else change)
             trial_y = y + change if self._is_dual else y
-            previous, (r_new, g_new, new) = gradient, self._residual(b, trial, trial_y)
-            if not new < gradient:
+            previous, (r_new, g_new, new) = error, self._residual(b, trial, trial_y)
+            if not new < error:
                 break
-            x, y, r, g, gradient = trial, trial_y, r_new, g_new, new
-            if gradient > LEAST_GAIN * previous:
+            x, y, r, g, error = trial, trial_y, r_new, g_new, new
+            if error > LEAST_GAIN * previous:
                 break
-        return x, (iterations, norm(r), gradient / first if first else 0.0)
+        return x, (iterations, norm(r), error)
 
     def _residual(self, b: Array, x: Array, y: Array) -> tuple[Array, Array, float]:
-        """Return b - A x, the residual of what is solved, and the norm of the gradient."""
+        """Return b - A x, the residual of what is solved, and the error."""
         r = b - self.A @ x
         gradient = self.adjoint @ r - self.shift * x
-        return r, r - self.shift * y if self._is_dual else gradient, norm(gradient)
+        size = hypot(norm(r), sqrt(self.shift) * norm(x))
+        if error := norm(gradient):
+            error = min(error / (self.A.norm_bound * size), size / norm(b))
+        return r, r - self.shift * y if self._is_dual else gradient, error
 
     def _correct(self, g: Array, rtol: float) -> tuple[Array, int]:
         """Return the solution for a right-hand side, and the iterations."""
