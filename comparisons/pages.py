@@ -33,11 +33,12 @@ class Table(NamedTuple):
         return getattr(import_module(f"comparisons.{module}"), name)
 
 
-_LIKELIHOOD = "gaussian_processes.md", "gaussian"
+_LIKELIHOOD = "appendix/statistics.md", "gaussian"
+_CONTACT = "appendix/contact.md"
 _COSTS = "theory", "costs.csv"
-_GPU = "machines.md", "machines"
+_GPU = "appendix/machines.md", "machines"
 _AREAS = "preconditioners", "areas.csv"
-_METHODS = "which_method.md", "preconditioners"
+_METHODS = "appendix/preconditioners.md", "preconditioners"
 TABLES = {
     "drop_in": Table("benchmarks.md", "drop_in", "drop_in.csv", "drop_in:arrange"),
     "baselines": Table("benchmarks.md", "baselines", "baselines.csv", "baselines:arrange"),
@@ -59,16 +60,18 @@ TABLES = {
     "likelihood_noise": Table(*_LIKELIHOOD, "noise.csv", "gaussian:arrange_noise"),
     "likelihood_fits": Table(*_LIKELIHOOD, "fits.csv", "fits:arrange"),
     "paper": Table("reproduce.md", "paper", "cells.csv", "paper.tables:arrange"),
-    "cases_errors": Table("contact.md", "theory", "errors.csv", "theory.cases:arrange_errors"),
-    "cases_products": Table("contact.md", *_COSTS, "theory.cases:arrange_products"),
-    "cases_stresses": Table("stresses.md", "theory", "errors.csv", "theory.cases:arrange_stresses"),
-    "periodic_products": Table("periodic.md", *_COSTS, "theory.cases:arrange_repeated"),
-    "printed": Table("unlike.md", "theory", "printed.csv", "theory.cases:arrange_printed"),
-    "kalker": Table("rolling.md", "theory", "printed.csv", "theory.cases:arrange_kalker"),
-    "periodic_peers": Table("periodic.md", "peers", "peers.csv", "peers:arrange_repeated"),
-    "areas": Table("masks.md", *_AREAS, "preconditioners.areas:arrange"),
-    "areas_all": Table("areas.md", *_AREAS, "preconditioners.areas:arrange_all"),
-    "coupled": Table("three_dimensions.md", *_AREAS, "preconditioners.areas:arrange_coupled"),
+    "cases_errors": Table(_CONTACT, "theory", "errors.csv", "theory.cases:arrange_errors"),
+    "cases_products": Table(_CONTACT, *_COSTS, "theory.cases:arrange_products"),
+    "cases_stresses": Table(_CONTACT, "theory", "errors.csv", "theory.cases:arrange_stresses"),
+    "periodic_products": Table(_CONTACT, *_COSTS, "theory.cases:arrange_repeated"),
+    "printed": Table(_CONTACT, "theory", "printed.csv", "theory.cases:arrange_printed"),
+    "kalker": Table(_CONTACT, "theory", "printed.csv", "theory.cases:arrange_kalker"),
+    "periodic_peers": Table(_CONTACT, "peers", "peers.csv", "peers:arrange_repeated"),
+    "areas": Table("appendix/preconditioners.md", *_AREAS, "preconditioners.areas:arrange"),
+    "areas_all": Table("appendix/areas.md", *_AREAS, "preconditioners.areas:arrange_all"),
+    "coupled": Table(
+        "appendix/preconditioners.md", *_AREAS, "preconditioners.areas:arrange_coupled"
+    ),
 }
 
 

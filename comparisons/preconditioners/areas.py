@@ -95,7 +95,7 @@ def form(row: Row) -> Row:
 
 
 def arrange_all(rows: Sequence[Row]) -> list[Row]:
-    """Return the table of docs/areas.md: all areas and sizes by methods, the fastest in bold."""
+    """Return the table of appendix/areas.md: all areas and sizes by methods, the fastest bold."""
     normal = [row for row in rows if row["problem"] == "normal"]
     return [
         {"area": area, "n": n} | format_times({row["method"]: row for row in own})
@@ -104,7 +104,7 @@ def arrange_all(rows: Sequence[Row]) -> list[Row]:
 
 
 def arrange(rows: Sequence[Row]) -> list[Row]:
-    """Return the table of docs/masks.md: areas of one size and two lines, some methods."""
+    """Return a table of appendix/preconditioners.md: areas of one size, two lines, some methods."""
     table = []
     for (area, n, problem), own in report.group(rows, "area", "n", "problem").items():
         is_line = n == TABULATED_LINE and area in ("100 islands", "n/100 islands")
@@ -115,7 +115,7 @@ def arrange(rows: Sequence[Row]) -> list[Row]:
 
 
 def arrange_coupled(rows: Sequence[Row]) -> list[Row]:
-    """Return the table of docs/three_dimensions.md: a row for each method, normal and coupled."""
+    """Return a table of appendix/preconditioners.md: a row a method, normal and coupled."""
 
     def cell(row: Row) -> tuple[str, str]:
         return f"{row['problem']}, {row['area']}", format_times({"": row})[""].replace("**", "")
