@@ -75,13 +75,13 @@ class Candidate:
     Attributes
     ----------
     name : str
-        Of the function of this package that makes it, or what it is.
+        The function of this package that makes it, or a description.
     reason : str
-        Why it stands where it does.
+        Why it has this place in the list.
     make : callable
-        ``make(A, dtype=dtype)`` returns it, or raises a LinAlgError where it is refused.
+        ``make(A, dtype=dtype)`` returns it, or raises a LinAlgError if it is refused.
     is_exact : bool
-        Whether it is the inverse itself, which needs no trial.
+        Whether it is the exact inverse, which needs no trial.
     """
 
     name: str
@@ -92,18 +92,19 @@ class Candidate:
 
 @dataclass(frozen=True, repr=False)
 class Selection:
-    """What `default_preconditioner` takes of a matrix, and why, without building it.
+    """What `default_preconditioner` would build for a matrix, and why.
 
     Attributes
     ----------
     candidates : tuple of Candidate
         The first that is not refused is taken, unless there is a trial.
     others : tuple of Candidate
-        Those that a trial compares with it, and with none.
+        Those that a trial compares with the first candidate and with no preconditioner.
     needs_trial : bool
-        Whether there is a trial of what is not exact, or only where all candidates are refused.
+        Whether a candidate that is not the exact inverse is compared with others by a trial; if
+        false, there is a trial only if all candidates are refused.
     components : tuple of Selection
-        Where there are several, and all candidates are refused: those of each by itself.
+        What each component takes by itself if all candidates for the coupled matrix are refused.
     """
 
     candidates: tuple[Candidate, ...]

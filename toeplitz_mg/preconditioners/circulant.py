@@ -32,36 +32,36 @@ SHARE = 0.05
 
 @lift(accepts="any")
 def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    """Return the inverse of Strang's circulant, which copies the central coefficients of `A`.
+    """Return the inverse of Strang's circulant, made of the central coefficients of `A`.
 
     Parameters
     ----------
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default; complex64 or
-        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
-        an iteration in float64 too.
+        Precision in which the preconditioner is stored and applied; by default that of `A`. Use
+        complex64 or complex128 if `A` is complex. Single precision halves the memory and takes less
+        time, also inside an iteration in double precision.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape of `A`. Where `A` is real and symmetric, or complex Hermitian, it is symmetric
-        or Hermitian positive definite; else it is as general as `A`, and one for `gmres`. One
-        product costs half a work unit on one axis (1/2^d on d axes).
+        Same shape as `A`. It is symmetric (Hermitian) positive definite if `A` is symmetric
+        (Hermitian); otherwise use it with `gmres`. One product costs half a work unit on one axis
+        (1/2^d on d axes).
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the circulant is not positive definite, as happens for a positive definite `A`; of a
-        general matrix where the symbol is zero at neighbouring samples.
+        If `A` is Hermitian and the circulant is not positive definite, which can happen although
+        `A` is; for other matrices, if the symbol is zero at neighbouring samples.
     TypeError
-        Where `A` is no Toeplitz operator.
+        If `A` is not a Toeplitz operator.
 
     See Also
     --------
-    chan_preconditioner : the other circulant, positive definite whenever A is.
-    default_preconditioner : chooses.
+    chan_preconditioner : another circulant, positive definite whenever A is.
+    default_preconditioner : selects a preconditioner for a matrix.
 
     References
     ----------
@@ -95,37 +95,35 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Real or complex, symmetric or not, of any number of axes.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default; complex64 or
-        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
-        an iteration in float64 too.
+        Precision in which the preconditioner is stored and applied; by default that of `A`. Use
+        complex64 or complex128 if `A` is complex. Single precision halves the memory and takes less
+        time, also inside an iteration in double precision.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape of `A`, symmetric or Hermitian positive definite whenever `A` on the whole
-        grid is, and of a sum the Toeplitz matrix that stands for it. Of a matrix that is not
-        Hermitian it is as general as that, and one for `gmres`; an eigenvalue that is nearly zero
-        by chance, beside others that are not, has a small share of the distance to these. One
-        product costs half a work unit on one axis (1/2^d on d axes).
+        Same shape as `A`. It is Hermitian positive definite whenever `A` on the whole grid is; for
+        a `ToeplitzSum`, whenever the Toeplitz matrix that approximates the sum is. If `A` is not
+        Hermitian, use it with `gmres`; isolated eigenvalues near zero are then moved away from it.
+        One product costs half a work unit on one axis (1/2^d on d axes).
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where `A` is symmetric or Hermitian and the circulant is not positive definite, so that `A`,
-        or what stands for it, is not either; of a general matrix where it has neighbouring
-        eigenvalues of zero.
+        If `A` is Hermitian and the circulant is not positive definite, which shows that `A` is not
+        either; for other matrices, if neighbouring eigenvalues of the circulant are zero.
     TypeError
-        Where `A` is no Toeplitz operator.
+        If `A` is not a Toeplitz operator.
 
     See Also
     --------
-    strang_preconditioner : the other circulant.
-    default_preconditioner : chooses.
+    strang_preconditioner : the circulant that keeps the central coefficients.
+    default_preconditioner : selects a preconditioner for a matrix.
 
     Notes
     -----
-    Of coupled components it is a block circulant: a small matrix is inverted at each frequency. For
-    each component by itself there is ``componentwise(chan_preconditioner)(A)``.
+    For a `CoupledOperator` it is a block circulant: a small matrix is inverted at each frequency.
+    To ignore the coupling, use ``componentwise(chan_preconditioner)(A)``.
 
     References
     ----------
@@ -220,12 +218,12 @@ def _mean_lags(A: ToeplitzOperator) -> Array:
 
 
 def away_from_zero(eigenvalues: Array, dtype: DTypeLike) -> Array:
-    """Return eigenvalues of which those that are nearly zero have the size that others suggest.
+    """Return eigenvalues of which isolated ones near zero are moved away from it.
 
-    They are samples of a symbol. Where that changes its sign, or goes around zero, one of them may
-    be zero by chance, of a matrix that is well-conditioned: between the samples beside it the
-    symbol is of all sizes up to their distance, of which it gets a small share. Its sign, or phase,
-    stays. Zeros next to each other stay too: such a symbol is zero on an interval.
+    The eigenvalues are samples of a symbol. Where the symbol changes its sign, or winds around
+    zero, one sample may vanish by chance although the matrix is well-conditioned. Its absolute
+    value is then raised to a small fraction of the distance between the samples beside it; its sign
+    or phase stays. Zeros next to each other stay too: such a symbol is zero on an interval.
 
     Parameters
     ----------
@@ -258,12 +256,12 @@ def away_from_zero(eigenvalues: Array, dtype: DTypeLike) -> Array:
 
 
 def smooth_column(c: Array, r: Array) -> Array:
-    """Return the first column of a circulant with eigenvalues as near to the symbol as can be.
+    """Return the first column of a circulant whose eigenvalues follow the symbol closely.
 
-    They are the sums over the lags of A at θ = 2πk/n. Such sums oscillate where the lags end before
-    they are negligible. The means of neighbours do not: a quarter of those at θ ± π/n and a half of
-    that at θ, and so they are taken there. T. Chan's means are over a wider part of the symbol.
-    They do not see the bottom of a zero, but are never below it.
+    The eigenvalues are the sums over the lags of A at θ = 2πk/n. If the lags end before they are
+    negligible, such sums oscillate, and a weighted mean is taken instead: half of the sum at θ plus
+    a quarter of each at θ ± π/n. T. Chan's means extend over a wider part of the symbol: they are
+    never below its minimum, but do not resolve a zero.
 
     Parameters
     ----------

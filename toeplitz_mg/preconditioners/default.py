@@ -1,4 +1,4 @@
-"""What `toeplitz_mg.preconditioners.choice` takes: made, the default preconditioner; or listed."""
+"""The default preconditioner, by the table of `toeplitz_mg.preconditioners.choice`."""
 
 import logging
 from collections.abc import Iterable, Iterator
@@ -37,40 +37,39 @@ logger = logging.getLogger(__name__)
 def default_preconditioner(
     A: LinearOperator, *, solves: int = 1, dtype: DTypeLike | None = None
 ) -> LinearOperator:
-    """Return the preconditioner with which conjugate gradients are soonest done.
+    """Return a preconditioner for `cg`, selected by the axes, the mask and the coefficients.
 
     Parameters
     ----------
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
-        For how many right-hand sides it is made: more are worth a longer set-up.
+        Number of right-hand sides to be solved for: more are worth a longer set-up.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default.
+        Precision in which the preconditioner is stored and applied; by default that of `A`.
 
     Returns
     -------
     LinearOperator
-        Of the shape of `A`, symmetric positive definite. Where none is better than no
-        preconditioner it is a multiple of the unit matrix.
+        Hermitian positive definite, same shape as `A`. If no preconditioner is better than none, a
+        multiple of the unit matrix is returned.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite: of at most 600 unknowns for certain, of more where it
-        shows.
+        If A is found not to be positive definite, which is certain for up to 600 unknowns.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric or Hermitian (`chan_preconditioner` and
-        `gmres` are for those), or `solves` is below 1.
+        If `A` is not a Toeplitz operator, or not Hermitian (use `chan_preconditioner` and `gmres`),
+        or if `solves` is below 1.
 
     See Also
     --------
-    select_preconditioner : names what this would take, and why, without building it.
+    select_preconditioner : names the preconditioner and the reason, without building it.
 
     Notes
     -----
-    At most 600 unknowns, of all components together, are solved for directly, by a Cholesky
-    factorisation. Else the choice is that of the fastest in the comparison `areas`:
+    Up to 600 unknowns (all components together) are solved by a dense Cholesky factorisation.
+    Larger real systems take what is fastest in ``python -m comparisons.preconditioners``:
 
     ======================== ================================= ==============================
     axes, area               preconditioner                    iterations to 1e-8
@@ -92,27 +91,26 @@ def default_preconditioner(
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
 
-    Of a complex matrix of more unknowns it is the spectral factor on the whole of a line; else T.
-    Chan's circulant, if it is better than nothing.
+    Larger complex matrices take the spectral factor on one axis without a mask, and otherwise T.
+    Chan's circulant, unless it is worse than no preconditioner.
 
-    Coupled components are treated each by itself, but by FSAI on a mask together if their coupling
-    is strong.
+    Coupled components are preconditioned separately, except by FSAI on a mask if their coupling is
+    strong.
 
-    On arrays of other libraries it is FSAI on a mask, and cosine on a whole grid; T. Chan's
-    circulant where these are refused, and of complex matrices.
+    For arrays of other libraries FSAI is taken on a mask and cosine on a whole grid; T. Chan's
+    circulant if these are refused, and for complex matrices.
 
-    Of FSAI for one solve it is that of 12 neighbours, for more that of as many as the kernel needs.
-    It is not refused where they are not enough, as for a smooth covariance on a mask any other
-    takes several times the iterations.
+    FSAI has 12 neighbours for a single solve, and for several solves as many as the kernel needs.
+    If these are not enough it is taken all the same: for a smooth covariance on a mask every other
+    preconditioner takes several times the iterations.
 
-    This is for coefficients that are positive and decrease along each axis, as those of a
-    half-space and of most covariances do. For others ten steps of conjugate gradients, in all,
-    compare it with sine, T. Chan's circulant, on a grid M where the kernel is not even along each
-    axis, and none. So do they where all of these are
-    refused, but without the circulant: of a smooth covariance as wide as its grid it takes ten
-    times the iterations of none. On the whole of a line there is no trial unless all are refused,
-    as the spectral factor is as good as the inverse. The logger of this module tells what is
-    refused and why, at the level INFO.
+    The table holds for coefficients that are positive and decrease along each axis, as those of a
+    half-space and of most covariances. For others, a trial of ten steps of conjugate gradients in
+    all compares the preconditioner of the table with sine, T. Chan's circulant, none, and, on a
+    grid where the kernel is not even along each axis, M. If every preconditioner of the table is
+    refused, the trial leaves out the circulant. On one axis without a mask there is a trial only if
+    all are refused, as the spectral factor is nearly the inverse. The logger of this module tells
+    at the level INFO what is refused and why.
 
     Examples
     --------
@@ -161,26 +159,26 @@ def _make_elsewhere(A: LinearOperator, dtype: DTypeLike | None) -> LinearOperato
 
 
 def select_preconditioner(A: LinearOperator, *, solves: int = 1) -> Selection:
-    """Return what `default_preconditioner` would take, and why, without building it.
+    """Return what `default_preconditioner` would build, and why, without building it.
 
     Parameters
     ----------
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric or complex Hermitian positive definite, of any number of axes.
     solves : int
-        For how many right-hand sides it is: more are worth a longer set-up.
+        Number of right-hand sides to be solved for: more are worth a longer set-up.
 
     Returns
     -------
     Selection
-        Its attribute `candidates` has the preconditioners in the order in which they are tried,
-        each with its `name` and `reason`. It prints as a list. Whether a candidate is refused, as
-        one that is not positive definite, shows only where it is built; nor is there a trial.
+        Prints as a list. Its attribute `candidates` has the preconditioners in the order in which
+        they are tried, each with its `name` and `reason`. Whether a candidate is refused, for
+        example because it is not positive definite, is known only when it is built.
 
     Raises
     ------
     TypeError, ValueError
-        As `default_preconditioner`.
+        As for `default_preconditioner`.
 
     See Also
     --------
@@ -188,8 +186,8 @@ def select_preconditioner(A: LinearOperator, *, solves: int = 1) -> Selection:
 
     Notes
     -----
-    It costs nothing but a look at the coefficients, and on the whole of a line, where the symbol
-    decides, some transforms.
+    The coefficients are inspected; on one axis without a mask, where the symbol decides, this takes
+    a few transforms.
 
     Examples
     --------

@@ -82,38 +82,36 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) ->
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of axes.
     n_subdomains : int, optional
-        Consecutive parts of the unknowns, as equal as they can be; by default 2, as in the paper,
-        and 1 where there is but one unknown.
+        Number of subdomains: consecutive, nearly equal parts of the unknowns. By default 2, as in
+        the paper (1 if there is only one unknown).
 
     Returns
     -------
     SubdomainDeflated
-        P M, of the shape and dtype of `A`. One product costs one work unit; `n_subdomains`
-        vectors are kept. It is **not symmetric**, and singular (Zᵀ P M = 0): a smoother, whose
-        coarse grid has to supply what was deflated. It is no preconditioner for
-        `scipy.sparse.linalg.cg`.
+        P M, same shape and dtype as `A`. One product costs one work unit; `n_subdomains` vectors
+        are stored. P M is **not symmetric**, and singular (Zᵀ P M = 0): a smoother, whose coarse
+        grid must correct the deflated components. Do not use it with `scipy.sparse.linalg.cg`.
 
     Raises
     ------
     TypeError
-        Where `n_subdomains` is not an integer, or `A` no Toeplitz operator.
+        If `n_subdomains` is not an integer, or `A` not a Toeplitz operator.
     ValueError
-        Where there are fewer unknowns than subdomains.
+        If there are fewer unknowns than subdomains.
     numpy.linalg.LinAlgError
-        Where `fft_preconditioner` refuses.
+        If `fft_preconditioner` raises it.
 
     See Also
     --------
-    fft_preconditioner : what it deflates.
-    fft_rsm_preconditioner : the better smoother.
+    fft_preconditioner : M, without deflation.
+    fft_rsm_preconditioner : a better smoother.
 
     Notes
     -----
-    The action is y - M A Z E⁻¹ Zᵀ y with y = M r. As a smoother it is delicate. With the paper's
-    coarse grids (``coarsest=2`` and `rediscretised`) V(1,0) and V(0,1) converge on the paper's
-    tests 1 and 2, in 5 to 14 cycles, and V(1,1) does not (paper, §5.1). With the defaults of
-    `multigrid`, and on masks, they may diverge, which `richardson` reports.
-    `fft_rsm_preconditioner` is the better smoother throughout.
+    The result for r is y - M A Z E⁻¹ Zᵀ y with y = M r. As a smoother, P M is delicate. With the
+    paper's coarse grids (``coarsest=2`` and `rediscretised`), V(1,0) and V(0,1) converge on the
+    paper's tests 1 and 2, but V(1,1) does not (paper, §5.1). With the defaults of `multigrid`, and
+    on masks, the cycles may diverge, which `richardson` reports. Prefer `fft_rsm_preconditioner`.
 
     Examples
     --------

@@ -33,48 +33,48 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric or complex Hermitian, of any number of axes.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default; complex64 or
-        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
-        an iteration in float64 too.
+        Precision in which the preconditioner is stored and applied; by default that of `A`. Use
+        complex64 or complex128 if `A` is complex. Single precision halves the memory and takes less
+        time, also inside an iteration in double precision.
 
     Returns
     -------
     ToeplitzOperator, CoupledOperator or MaskedOperator
-        M ≈ A⁻¹, of the shape of `A`, symmetric or Hermitian positive definite, so that it may
-        precondition `scipy.sparse.linalg.cg`. One product costs one work unit. On a mask it is
-        the restriction M_r of the M of the whole grid (paper, §5.4).
+        M ≈ A⁻¹, same shape as `A`, Hermitian positive definite: a preconditioner for
+        `scipy.sparse.linalg.cg`. One product costs one work unit. On a mask it is M_r, the
+        restriction of the M of the whole grid (paper, §5.4).
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where an eigenvalue of the embedding in a circulant is not positive, as for a symbol with
-        a zero. `spectral_preconditioner` on one axis, and `chan_preconditioner` on any number,
+        If an eigenvalue of the circulant that embeds `A` is not positive, as for a symbol with a
+        zero. Use `spectral_preconditioner` (one axis) or `chan_preconditioner` (any number), which
         are positive definite for every positive definite `A`.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not Hermitian.
+        If `A` is not a Toeplitz operator, or not Hermitian.
 
     See Also
     --------
-    fft_rsm_preconditioner : with constant row sums: a smoother.
-    fft_sd_preconditioner : deflated: a smoother too.
+    fft_rsm_preconditioner : M with constant row sums, a smoother.
+    fft_sd_preconditioner : M with subdomain deflation, a smoother.
 
     Notes
     -----
     The circulant of length 2 n - 1 with first column (a₀ … a_{n-1}, a_{n-1} … a₁) is inverted;
     the coefficients of M are the first n of its inverse. M is a leading block of that inverse and
-    hence positive definite where the circulant is. No zero is put between the two halves: it
-    would be read as a coefficient, and makes M useless.
+    hence positive definite where the circulant is. The two halves are not separated by a zero,
+    which would count as a coefficient and make M useless.
 
-    Where 2 n - 1 has a prime factor above 61, so that its transforms are slow, and the matrix is
-    large, the circulant is a little longer, of length 2 L, and the coefficients of the lags
-    n … L, which `A` has not, continue those that it has: a parabola that is flat at the lag L.
+    If `A` is large and 2 n - 1 has a prime factor above 61, transforms of this length are slow. The
+    circulant then has a slightly larger length 2 L, and a parabola with zero slope at the lag L
+    supplies the coefficients of the lags n … L.
 
-    The circulant of coupled components is inverted as a small matrix at each frequency; what one
-    inverse a component gives, `componentwise(fft_preconditioner)(A)`, takes some more iterations.
+    For coupled components a small matrix is inverted at each frequency. Ignoring the coupling,
+    ``componentwise(fft_preconditioner)(A)``, takes some more iterations.
 
-    As a smoother M fails: I - M A has two eigenvalues far below -1, whose eigenvectors live at
-    the two ends (paper, §3.2). CG removes them in two steps, and then needs fewer iterations with
-    M than with `fft_rsm_preconditioner`.
+    M fails as a smoother: I - M A has two eigenvalues far below -1, with eigenvectors concentrated
+    at the two ends (paper, §3.2). CG removes them in two steps, and then needs fewer iterations
+    with M than with `fft_rsm_preconditioner`.
 
     References
     ----------

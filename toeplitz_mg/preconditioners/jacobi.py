@@ -35,36 +35,35 @@ class ScaledIdentity(GridOperator):
 
 @lift(accepts="Hermitian", parts=(), numpy_only=True)
 def jacobi_preconditioner(A: LinearOperator, omega: float | None = None) -> LinearOperator:
-    """Return ω/a₀ times the unit matrix: a damped Jacobi, or Richardson, smoother.
+    """Return ω/a₀ times the unit matrix: the damped Jacobi (or Richardson) smoother.
 
-    As a preconditioner it does nothing. As a smoother it is the one for symbols with a zero, on
-    whose high frequencies they are of one size: together with `linear_interpolation` or
-    `modulated_interpolation`.
+    Use it in `multigrid`, with `linear_interpolation` or `modulated_interpolation`, for a matrix
+    whose symbol has a zero. As a preconditioner of `cg` it changes nothing.
 
     Parameters
     ----------
     A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
         Symmetric or Hermitian positive definite, of any number of axes.
     omega : float, optional
-        By default ω/a₀ = 4/(3 ‖C‖₂), C the circulant in which `A` is embedded for its
-        products: 2/3 for 2 - 2 cos θ.
+        Damping factor. By default ω/a₀ = 4/(3 ‖C‖₂), where C is the circulant in which `A` is
+        embedded for its products: ω = 2/3 for the symbol 2 - 2 cos θ.
 
     Returns
     -------
     ScaledIdentity
-        Of the shape and dtype of `A`. A product costs no work unit.
+        Same shape and dtype as `A`. A product costs no work unit.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the diagonal or `omega` is not positive.
+        If the diagonal or `omega` is not positive.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not Hermitian; where `omega` is no real number.
+        If `A` is not a Toeplitz operator, or not Hermitian, or if `omega` is not a real number.
 
     See Also
     --------
-    multigrid : whose smoother it is, where the symbol has a zero.
-    fft_rsm_preconditioner : the smoother for other symbols.
+    multigrid : takes it as `smoother=`.
+    fft_rsm_preconditioner : the smoother for symbols without a zero.
 
     References
     ----------

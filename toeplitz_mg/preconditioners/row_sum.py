@@ -84,7 +84,7 @@ class RowSumModified(GridOperator):
 def fft_rsm_preconditioner(
     A: LinearOperator, gamma: float | None = None, *, dtype: DTypeLike | None = None
 ) -> LinearOperator:
-    """Return M̄, the FFT preconditioner with constant row sums; on a mask M̄_imp.
+    """Return M̄, the FFT preconditioner with constant row sums (on a mask, M̄_imp).
 
     Parameters
     ----------
@@ -94,41 +94,42 @@ def fft_rsm_preconditioner(
         The row sum γ, positive. By default the smallest row sum of M on the whole grid (paper,
         Eq. 20).
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
-        half the memory and less time, inside an iteration in float64 too.
+        Precision in which the preconditioner is stored and applied; by default that of `A`. float32
+        halves the memory and takes less time, also inside an iteration in float64.
 
     Returns
     -------
     RowSumModified
-        M̄ = M - diag(sum(M) - γ) ≈ A⁻¹ (paper, Eq. 19), of the shape of `A`, symmetric,
-        and positive definite for certain where its attribute `certified` is true. One product
-        costs one work unit. On a mask M_r takes the place of M (Eq. 22).
+        M̄ = M - diag(sum(M) - γ) ≈ A⁻¹ (paper, Eq. 19), symmetric, same shape as `A`. Its attribute
+        `certified` tells whether it is proved to be positive definite. One product costs one work
+        unit. On a mask M_r takes the place of M (Eq. 22).
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where γ is not positive, or not beyond the rounding of the row sums of M; where M̄ is found
-        not to be positive definite, and where `fft_preconditioner` refuses.
+        If γ is not larger than the rounding errors of the row sums of M, if M̄ is found not to be
+        positive definite, or if `fft_preconditioner` raises it.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric.
+        If `A` is not a Toeplitz operator, or not symmetric.
 
     See Also
     --------
-    fft_preconditioner : without the modification.
-    multigrid : whose smoother it is.
-    richardson : whose steps it makes a solver.
+    fft_preconditioner : M, without the modification.
+    multigrid : uses M̄ as its smoother.
+    richardson : the paper's FFT+RSM solver, with M̄ as the preconditioner.
 
     Notes
     -----
-    M assumes unknowns beyond the grid or the mask, which are not there, so that its row sums are
-    too large at the ends. Lowering the diagonal to make them constant brings all eigenvalues of
-    I - M̄ A into (-1, 1): a smoother for multigrid and, by `richardson`, a solver.
+    M is made as if there were unknowns beyond the grid or the mask, so that its row sums are too
+    large at the ends. Making them constant by lowering the diagonal brings all eigenvalues of
+    I - M̄ A into (-1, 1): M̄ is a smoother for multigrid and, with `richardson`, a solver.
 
-    M̄ is γ I plus a graph Laplacian whose weights are the negated off-diagonal coefficients of M,
-    hence positive definite where those coefficients are at most 0, and where the others are
-    outweighed, as in the paper's problems on every grid of multigrid. Elsewhere its eigenvalues
-    are computed, up to 1024 unknowns. Beyond, 40 steps of Lanczos's method look for a negative
-    eigenvalue of M̄ A, at 80 work units: what they do not find is accepted, but not `certified`.
+    M̄ is γ I plus a graph Laplacian whose weights are the negated off-diagonal coefficients of M.
+    It is positive definite if none of these coefficients is positive, or if the negative ones
+    outweigh the others, as in the paper's problems on every grid of multigrid. Otherwise its
+    eigenvalues are computed for up to 1024 unknowns. Beyond, 40 steps of Lanczos's method look for
+    a negative eigenvalue of M̄ A, at 80 work units; if they find none, M̄ is accepted, but not
+    `certified`.
 
     Examples
     --------

@@ -14,63 +14,62 @@ from toeplitz_mg.operators.positivity import precision, require_condition
 
 @lift(accepts="any")
 def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    """Return the inverse of a Toeplitz matrix from the factors of the symbol of A.
+    """Return an approximate inverse of A from a factorisation of its symbol.
 
     Parameters
     ----------
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
-        Of one axis with more than one element. If it is symmetric, or Hermitian, it is positive
-        definite, and there is no other condition. Else its symbol has no zero and the winding
-        number 0, as where the diagonal dominates, or the symbol has a positive real part.
+        Of one axis (other axes may have one element). Any Hermitian positive definite matrix; or
+        a general one whose symbol has no zero and the winding number 0, as if the diagonal
+        dominates, or if the real part of the symbol is positive.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default; complex64 or
-        complex128 where `A` is complex. In float32 it takes half the memory and less time, inside
-        an iteration in float64 too.
+        Precision in which the preconditioner is stored and applied; by default that of `A`. Use
+        complex64 or complex128 if `A` is complex. Single precision halves the memory and takes less
+        time, also inside an iteration in double precision.
 
     Returns
     -------
     GohbergSemencul or MaskedOperator
-        Of the shape of `A`, symmetric or Hermitian positive definite where that is, and else one
-        for `gmres`. One product costs two work units.
+        Same shape as `A`; Hermitian positive definite if `A` is, otherwise for use with `gmres`.
+        One product costs two work units.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is symmetric or Hermitian and not positive definite, or so ill-conditioned that
-        float64 cannot tell, or that rounding in `dtype` may make its inverse indefinite. Of
-        another matrix where the symbol winds around zero, or where its factors are no use with so
-        few unknowns: `chan_preconditioner` may be.
+        If A is Hermitian and not positive definite, or so ill-conditioned that float64 cannot tell,
+        or that rounding in `dtype` may make its inverse indefinite. For other matrices, if the
+        symbol winds around zero, or n is too small for its factors to be useful: try
+        `chan_preconditioner`.
     ValueError
-        Where `A` has several axes.
+        If `A` has several axes.
     TypeError
-        Where `A` is no Toeplitz operator.
+        If `A` is not a Toeplitz operator.
 
     See Also
     --------
-    toeplitz_inverse : the inverse itself.
-    cosine_preconditioner : on several axes.
-    solve_toeplitz : chooses.
+    toeplitz_inverse : the inverse, to full precision.
+    cosine_preconditioner : for several axes.
+    solve_toeplitz : selects a method for a system.
 
     Notes
     -----
-    Of a symmetric or Hermitian matrix the symbol is ``f = |g|²`` with g causal: the causal half of
-    the cepstrum, the Fourier coefficients of log f, is that of log g. With the coefficients q of
-    1/g, q₀ q is the first column of the inverse of the half-infinite matrix; the Gohberg-Semencul
-    formula makes of its first n entries an approximate inverse with two ends. It costs one work
-    unit to be made, and two to be checked: by its product with A, and for being positive definite,
-    which it is exactly if the polynomial with these coefficients has no zero in the closed unit
-    disc.
+    The symbol of a Hermitian matrix is factorised as ``f = |g|²`` with g causal: the causal half of
+    the cepstrum (the Fourier coefficients of log f) is that of log g. With the coefficients q of
+    1/g, q₀ q is the first column of the inverse of the half-infinite matrix. The Gohberg-Semencul
+    formula turns its first n entries into an approximate inverse of A. The set-up takes one work
+    unit, and two more to check the product with A and that the inverse is positive definite: that
+    is so exactly if the polynomial with these coefficients has no zero in the closed unit disc.
 
-    The symbol is sampled by embedding A in a circulant. That has eigenvalues that are not
-    positive where the symbol has a zero, or is not resolved by n lags, as for a covariance whose
-    correlation length is not small against n. There, where the column misses A x = e₁ by more than
-    one quarter, and where such a zero is not ruled out, the column is computed exactly, by
-    `toeplitz_mg.columns.schur`, at some 30 work units in 2^20 unknowns and fewer in less.
+    The symbol is sampled by embedding A in a circulant. Some eigenvalues of this circulant are not
+    positive if the symbol has a zero, or if n lags do not resolve it, as for a covariance whose
+    correlation length is not small compared to n. In these cases, and if the column misses
+    A x = e₁ by more than one quarter, `toeplitz_mg.columns.schur` computes the column exactly, at
+    some 30 work units for 2^20 unknowns and fewer for smaller systems.
 
-    Another matrix has two factors, not one: see `toeplitz_mg.columns.spectral_factor`.
-    These give the first column of the inverse and the first row, at some eight work units, and
-    both are checked by their products with A. Where they miss by more than one quarter, steps of
-    Newton's method are tried.
+    A matrix that is not Hermitian has two factors (see `toeplitz_mg.columns.spectral_factor`). They
+    give the first column and the first row of the inverse, at some eight work units. Both are
+    checked by their products with A, and improved by Newton's method if they miss by more than one
+    quarter.
 
     References
     ----------

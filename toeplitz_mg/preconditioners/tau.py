@@ -19,44 +19,43 @@ from toeplitz_mg.values import finite
 def tau_preconditioner(
     A: LinearOperator, *, shift: float = 0.0, dtype: DTypeLike | None = None
 ) -> LinearOperator:
-    """Return the inverse of τ(A) + shift I, for matrices as those of fractional diffusion.
+    """Return the inverse of τ(A) + shift I, a preconditioner for fractional diffusion.
 
     Parameters
     ----------
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
-        Of any number of axes. Where it is not symmetric, as the derivatives of Riemann and
-        Liouville are not, τ is that of its symmetric part, which has to be positive definite.
+        Of any number of axes. If it is not symmetric, as a Riemann–Liouville derivative, its
+        symmetric part is used, which must be positive definite.
     shift : float
-        A multiple of the unit matrix that A itself lacks, as that of an implicit step in time:
-        the preconditioner is then one of A + shift I.
+        Precondition A + shift I instead of A, as in an implicit time step.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default.
+        Precision in which the preconditioner is stored and applied; by default that of `A`.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape of `A`, symmetric positive definite. One product costs half a work unit on
-        one axis (1/2^d on d axes), and is fastest where each n + 1 is a power of two.
+        Symmetric positive definite, same shape as `A`. One product costs half a work unit on one
+        axis (1/2^d on d axes), and is fastest if each n + 1 is a power of two.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where an eigenvalue of τ(A) + shift I is not positive.
+        If an eigenvalue of τ(A) + shift I is not positive.
     TypeError, ValueError
-        Where `A` is no Toeplitz operator; where `shift` is no finite number.
+        If `A` is not a Toeplitz operator, or `shift` not a finite number.
 
     See Also
     --------
-    sine_preconditioner : samples the symbol itself, for a DST-II.
+    sine_preconditioner : samples the symbol, with a DST-II.
 
     Notes
     -----
     On one axis τ(A) has the entries a[i-j] - a[i+j] - a[2n+2-i-j], i, j = 1 … n, with a[k] = 0
-    beyond the last lag, and as eigenvalues the sum of a[k] cos kθ over all lags, at θ = πk/(n+1),
-    k = 1 … n. For the Riesz derivatives of orders 1 to 2 those of τ(A)⁻¹A lie between ½ and 3/2,
-    for any n. Where a length n + 1 has a prime factor above 61, a slightly longer matrix is
-    inverted, and cut. With variable coefficients, as of ``D1 @ A + D2 @ A.T + s * I``, it is the
-    matrix between two diagonal ones (see `toeplitz_mg.operators.sums.average`).
+    beyond the last lag. Its eigenvalues are Σ a[k] cos kθ, summed over all lags, at θ = πj/(n+1),
+    j = 1 … n. For the Riesz derivatives of orders 1 to 2 the eigenvalues of τ(A)⁻¹A lie between ½
+    and 3/2, for any n. If a length n + 1 has a prime factor above 61, the inverse of a slightly
+    larger matrix is cut. With variable coefficients, as in ``D1 @ A + D2 @ A.T + s * I``, τ(A) is
+    scaled by diagonal matrices from both sides (see `toeplitz_mg.operators.sums.average`).
 
     References
     ----------

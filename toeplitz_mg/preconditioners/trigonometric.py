@@ -33,32 +33,32 @@ def cosine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
         Symmetric positive definite, of any number of axes.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. In float32 it takes
-        half the memory and less time, inside an iteration in float64 too.
+        Precision in which the preconditioner is stored and applied; by default that of `A`. float32
+        halves the memory and takes less time, also inside an iteration in float64.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        Of the shape of `A`, symmetric positive definite. One product costs half a work
-        unit on one axis (1/2^d on d axes).
+        Symmetric positive definite, same shape as `A`. One product costs half a work unit on one
+        axis (1/2^d on d axes).
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a sample is not positive, as that at θ = 0 of a symbol with a zero there:
-        `sine_preconditioner` does not see it.
+        If a sample is not positive, as at θ = 0 for a symbol that is zero there (use
+        `sine_preconditioner`, which does not sample θ = 0).
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric.
+        If `A` is not a Toeplitz operator, or not symmetric.
 
     See Also
     --------
-    sine_preconditioner : the same with a DST-II, for a zero of the symbol at 0.
-    default_preconditioner : chooses.
+    sine_preconditioner : the same with a DST-II, for symbols that are zero at θ = 0.
+    default_preconditioner : selects a preconditioner for a matrix.
 
     Notes
     -----
-    The symbol f(θ) = Σ a_k cos kθ is sampled at θ = πk/n, k = 0 … n - 1. At an n that is a slow
-    transform length a slightly longer matrix is inverted, and cut.
+    The symbol f(θ) = Σ a_k cos kθ is sampled at θ = πk/n, k = 0 … n - 1. If n is a slow transform
+    length, the inverse of a slightly larger matrix is cut to n rows and columns.
 
     References
     ----------
@@ -86,27 +86,27 @@ def sine_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
     Parameters
     ----------
     A, dtype
-        As of `cosine_preconditioner`.
+        As for `cosine_preconditioner`.
 
     Returns
     -------
     DiagonalisedOperator or MaskedOperator
-        As of `cosine_preconditioner`.
+        As for `cosine_preconditioner`.
 
     Raises
     ------
     numpy.linalg.LinAlgError, TypeError, ValueError
-        As of `cosine_preconditioner`, but a zero of the symbol at θ = π is what it does not take.
+        As for `cosine_preconditioner`; here a symbol that is zero at θ = π is refused.
 
     See Also
     --------
-    cosine_preconditioner : the same with a DCT-II, for a zero of the symbol at π.
-    default_preconditioner : chooses.
+    cosine_preconditioner : the same with a DCT-II, for symbols that are zero at θ = π.
+    default_preconditioner : selects a preconditioner for a matrix.
 
     Notes
     -----
-    The symbol is sampled at θ = πk/n, k = 1 … n, so that a zero at θ = 0, as Laplacian-like and
-    fractional operators have, does no harm. See `cosine_preconditioner` for the source.
+    The symbol is sampled at θ = πk/n, k = 1 … n, and not at θ = 0, where the symbols of Laplacians
+    and of fractional derivatives are zero. See `cosine_preconditioner` for the source.
 
     Examples
     --------

@@ -86,60 +86,58 @@ class MultilevelSparseInverse(GridOperator):
 def fsai_preconditioner(
     A: LinearOperator, *, neighbours: int | None = None, dtype: DTypeLike | None = None
 ) -> LinearOperator:
-    """Return a multilevel sparse approximate inverse of A, which does not mind fragmented areas.
+    """Return a multilevel sparse approximate inverse of A, efficient on fragmented masks.
 
     Parameters
     ----------
     A : ToeplitzOperator, ToeplitzSum or CoupledOperator, or MaskedOperator of one
-        Symmetric positive definite, of one axis or two (with more than one element), and
+        Symmetric positive definite, of one or two axes (not counting axes of one element), and
         symmetric along each of them.
     neighbours : int, optional
-        How many cells before its own a row of G sees, 1 to 100. By default 12, 24 or 40, the fewest
-        that are enough on a trial problem, and where 40 are not enough it is refused. Of a number
-        that is given it is not judged whether it is enough, and components are treated each by
-        itself. On the whole of a line it is 15 always.
+        Number of preceding cells that a row of the factor G uses, 1 to 100. By default the smallest
+        of 12, 24 and 40 that suffices on a trial problem; if 40 do not suffice, the matrix is
+        refused. A number given here is taken as it is, and components are then preconditioned
+        separately. On one axis without a mask it is always 15.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default. It is computed in
-        float64.
+        Precision in which the preconditioner is stored and applied; by default that of `A`. The
+        set-up is in float64.
 
     Returns
     -------
     MultilevelSparseInverse
-        Of the shape of `A`, symmetric positive definite; of a CoupledOperator one of all unknowns
-        where two components are coupled as tangential tractions are for ν > 1/3 (oddly, neither
-        weakly nor more than for ν = 1/2), and else a BlockDiagonal.
+        Symmetric positive definite, same shape as `A`. For a `CoupledOperator` it treats both
+        components together if they are coupled as tangential tractions are for 1/3 < ν ≤ 1/2;
+        otherwise it is a BlockDiagonal.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a pivot, or the last matrix, is not positive definite: `A` is not then, or its kernel
-        is so smooth that the loads Gᵀ w are differences. And where a kernel would take more than
-        some 16 iterations, as a covariance of a correlation length of many cells does. The whole of
-        a line, and what is solved for directly, are not refused for this.
+        If a pivot is not positive: `A` is not positive definite, or its kernel is too smooth. Also
+        if a kernel would need more than some 16 iterations, as a covariance with a correlation
+        length of many cells does; this is not checked on one axis without a mask, nor for systems
+        that are small enough to be solved directly.
     TypeError
-        Where `A` is no Toeplitz operator, or `neighbours` no integer.
+        If `A` is not a Toeplitz operator, or `neighbours` not an integer.
     ValueError
-        Where it has three axes or more, or is not symmetric along each; where `neighbours` is below
-        1 or above 100.
+        If `A` has three axes or more, or is not symmetric along each of them, or if `neighbours` is
+        not in 1 … 100.
 
     See Also
     --------
-    default_preconditioner : chooses.
-    cosine_preconditioner : for whole grids.
+    default_preconditioner : selects a preconditioner for a matrix.
+    cosine_preconditioner : for grids without a mask.
 
     Notes
     -----
     For half-space kernels conjugate gradients take 5 to 11 iterations to a relative residual of
-    1e-8 (coupled components 7 to 12), whatever the mask, from one line of cells to all of them,
-    on square elements and on those stretched up to 1:20, and independently of the number of cells;
-    up to 16 on those of 1:50. Longer ones take 24 or 40 neighbours, and up to 16 iterations;
-    tangential tractions (ν = 1/2) up to 18 on those of 1:150, and on much longer ones they are
-    refused. The preconditioners by FFT take 20 to 50 on a fragmented area; on one smooth blob, or a
-    full grid, they need less time.
+    1e-8 (coupled components 7 to 12). This holds for any mask and any number of cells, on elements
+    stretched up to 1:20. Elements up to 1:150 take at most 18 iterations; for much longer ones
+    tangential tractions are refused. The preconditioners by FFT take 20 to 50 iterations on a
+    fragmented mask, but need less time on a full grid or on a single compact area.
 
-    More neighbours are for smoother kernels. The iterations for a Matérn covariance of smoothness ν
-    and a correlation length of so many cells, on the worst of nine masks of 128 x 128 cells, and
-    the time of a set-up where half of 512 x 512 are unknowns, by the number of neighbours:
+    Smoother kernels need more neighbours. The table has the iterations for Matérn covariances with
+    smoothness ν and the correlation length in cells (the worst of nine masks of 128 x 128 cells),
+    and the set-up time if half of 512 x 512 cells are unknowns, by the number of neighbours:
 
     ============= ===== ===== ===== ========
     ν, length     12    24    40    default
@@ -157,18 +155,16 @@ def fsai_preconditioner(
     µs an unknown 0.4   5     16
     ============= ===== ===== ===== ========
 
-    A kernel with coefficients at isolated lags is accepted and may take 30 iterations: how many
-    neighbours it needs is not seen.
+    A kernel with coefficients at isolated lags is accepted, but may take 30 iterations: the trial
+    problem does not detect it.
 
-    One application costs some 30 multiplications an unknown, a few hundredths of a work unit by
-    operations. Sparse products wait for memory: by time it is a tenth to a half of one.
+    One application costs some 30 multiplications an unknown, a few hundredths of a work unit.
+    Sparse products are limited by memory, so in time it is a tenth to a half of a work unit. On one
+    axis without a mask all rows of G are equal, and a set-up takes a tenth of a product's time.
 
-    On a line whose cells are all active its rows are all alike: at 2²⁰ unknowns the set-up takes a
-    tenth of the time of a product, an application a quarter of its operations and up to 0.4 of its
-    time.
-
-    How it is built, and why, says the package `toeplitz_mg.preconditioners.fsai`, of a whole line
-    its module `line`, of coupled components `coupled`, and of the trial problem `neighbours`.
+    The package `toeplitz_mg.preconditioners.fsai` explains the construction; its modules `line`,
+    `coupled` and `neighbours` explain the case of one axis, coupled components and the trial
+    problem.
 
     References
     ----------
