@@ -45,7 +45,7 @@ def riesz_coefficients(order: float, n: int) -> Array:
     Raises
     ------
     TypeError, ValueError
-        Where `order` is no such number, or `n` no positive integer.
+        If `order` is no such number, or `n` no positive integer.
 
     See Also
     --------
@@ -97,7 +97,7 @@ def grunwald_coefficients(order: float, n: int) -> tuple[Array, Array]:
     Raises
     ------
     TypeError, ValueError
-        Where `order` is no such number, or `n` no positive integer.
+        If `order` is no such number, or `n` no positive integer.
 
     See Also
     --------

@@ -48,7 +48,7 @@ def find_columns(
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a Hermitian matrix is not positive definite, or the symbol of another one has no
+        If a Hermitian matrix is not positive definite, or the symbol of another one has no
         factors, or these are no use with so few unknowns.
     """
     ways: list[Callable[[], Columns | None]] = [lambda: factor or factor_symbol(A)]

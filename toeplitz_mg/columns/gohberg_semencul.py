@@ -41,9 +41,9 @@ class GohbergSemencul(GridOperator):
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where x[0] is zero, or, without `y`, not positive: no such matrix has this inverse.
+        If x[0] is zero, or, without `y`, not positive: no such matrix has this inverse.
     ValueError
-        Where `x` and `y` have different lengths.
+        If `x` and `y` have different lengths.
 
     References
     ----------

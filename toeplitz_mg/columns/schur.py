@@ -37,7 +37,7 @@ def schur_column(c: Array) -> tuple[Array, Array]:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a Schur parameter is not smaller than 1, so that A is not positive definite; or is
+        If a Schur parameter is not smaller than 1, so that A is not positive definite; or is
         not so in the arithmetic of float64.
 
     Notes

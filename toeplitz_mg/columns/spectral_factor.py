@@ -35,7 +35,7 @@ def factor_symbol(A: ToeplitzOperator, samples: Array | None = None) -> Columns:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the symbol has a zero, or winds around it; of a Hermitian matrix where it is not
+        If the symbol has a zero, or winds around it; of a Hermitian matrix where it is not
         positive.
 
     References

@@ -276,12 +276,12 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     Raises
     ------
     ValueError
-        Where `reference` is so small that the matrix is indefinite: at most the logarithmic
+        If `reference` is so small that the matrix is indefinite: at most the logarithmic
         capacity n h/4 of the contact area, or, for up to 200 strips, at most the value a little
         below it at which an eigenvalue is zero. Where n, h, G or the reference is not positive,
         or nu outside (-1, 0.5].
     TypeError
-        Where n is not an integer, or another argument no real number.
+        If n is not an integer, or another argument no real number.
 
     See Also
     --------

@@ -29,86 +29,86 @@ def multigrid(
     Parameters
     ----------
     A : ToeplitzOperator or ToeplitzSum, or MaskedOperator of one
-        Symmetric positive definite, of any number of axes, of any size. The cycle of a sum is that
-        of a Toeplitz matrix that stands for it, scaled: use `cg` then, as `richardson` may diverge.
+        Symmetric positive definite, of any number of axes and any size. For a sum the cycle is that
+        of an approximating Toeplitz matrix: use it with `cg`, as `richardson` may diverge.
     smoother : callable, optional
-        Maps the matrix of a level to an approximate inverse S, a LinearOperator; a smoothing step
-        is x ← x + S (b - A x). Any preconditioner of this package, or a function of one's own. By
-        default it is M̄ (`fft_rsm_preconditioner`), the paper's, on the grids where it converges,
-        and elsewhere `default_preconditioner`, so scaled that it converges.
+        Function that maps the matrix of a level to an approximate inverse S, a LinearOperator; a
+        smoothing step is x ← x + S (b - A x). Any preconditioner function of this package, or your
+        own. The default is the paper's M̄ (`fft_rsm_preconditioner`) on levels where it converges,
+        and elsewhere `default_preconditioner`, scaled so that it converges.
     pre, post : int
-        Smoothing steps before and after the coarse-grid correction, not both 0.
+        Numbers of smoothing steps before and after the coarse-grid correction, not both 0.
     gamma : int
-        Coarse cycles in a cycle: 1 for V(pre, post), 2 for W(pre, post).
+        Number of coarse cycles in a cycle: 1 for V(pre, post), 2 for W(pre, post).
     coarsest : int
-        A grid with at most this number of unknowns is solved by a dense Cholesky factorisation;
-        2 in the paper. So is one of up to 600 where M̄ may diverge and no smoother is given, and
-        one of up to 2048 of a mask in such fragments that no coarse element is whole in it.
+        A level with at most this number of unknowns is solved by a dense Cholesky factorisation (2
+        in the paper). Two other cases are solved directly: up to 600 unknowns where the default
+        smoother M̄ may diverge, and up to 2048 unknowns of a mask without a complete coarse element.
     interpolation : Interpolation
-        `piecewise_constant`, as in the paper, for a positive symbol; `linear_interpolation` for
-        one with a zero of order 2 at θ = 0, `modulated_interpolation` for a zero at π. For a
-        symbol with a zero take `jacobi_preconditioner` as the smoother.
+        `piecewise_constant`, as in the paper, for a positive symbol; `linear_interpolation` for a
+        symbol with a zero of order 2 at θ = 0, `modulated_interpolation` for a zero at π. For a
+        symbol with a zero use `jacobi_preconditioner` as the smoother.
     coarsen : callable, optional
-        Maps the matrix of a level to that of the next coarser grid. By default it is `galerkin`;
-        ``rediscretised(operator_of_grid_shape)`` in the paper.
+        Function that maps the matrix of a level to that of the next coarser grid. The default is
+        `galerkin`; the paper has ``rediscretised(operator_of_grid_shape)``.
 
     Returns
     -------
     Multigrid
-        One cycle from a zero guess, of the shape and dtype of `A`; its ``repr`` shows the levels
-        and the cost, and its attributes `is_hermitian` and `is_definite` say whether it is so by
-        construction.
+        One cycle from a zero guess, same shape and dtype as `A`. Its ``repr`` shows the levels and
+        the cost; its attributes `is_hermitian` and `is_definite` tell whether it is symmetric and
+        positive definite by construction.
 
     Raises
     ------
     ValueError
-        For a cycle with no smoothing at all, or a parameter below its least value; for a matrix
-        that is not symmetric.
+        If there is no smoothing step, a parameter is below its smallest value, or the matrix is not
+        symmetric.
     TypeError
-        For a parameter of the wrong type.
+        If a parameter has the wrong type.
     numpy.linalg.LinAlgError
-        Where A, or the coarsest matrix, is not positive definite, or a given smoother refuses the
-        matrix of a level of more than 2048 unknowns, or of the first.
+        If A or the coarsest matrix is not positive definite, or if a given smoother refuses the
+        matrix of the finest level, or of a level with more than 2048 unknowns.
 
     Warns
     -----
     UserWarning
-        Where a given smoother diverges on a level, so that the cycle may diverge and be indefinite;
-        where a given smoother refuses a coarse grid, which is solved directly then; where gamma is
-        even and the coarse matrices are given, so that the cycle may be indefinite.
+        If a given smoother diverges on a level, so that the cycle may diverge and be indefinite;
+        if a given smoother refuses a coarse level, which is then solved directly; if gamma is even
+        and you give the coarse matrices, so that the cycle may be indefinite.
 
     See Also
     --------
-    richardson : cycles until it has converged.
-    cg : with a cycle as M.
-    fft_rsm_preconditioner, default_preconditioner : the smoothers.
-    galerkin : the coarse matrices.
-    linear_interpolation : for symbols with a zero.
+    richardson : iterate with the cycle as a solver.
+    cg : use the cycle as a preconditioner.
+    fft_rsm_preconditioner, default_preconditioner : the default smoothers.
+    galerkin : the default coarse matrices.
+    linear_interpolation : interpolation for symbols with a zero.
 
     Notes
     -----
     **V(1,1)**, and any cycle with ``pre == post``, is symmetric if its smoother is, and positive
-    definite if the smoother also converges on every level, 0 < λ(S A) < 2. So it may precondition
-    `scipy.sparse.linalg.cg`. With the default smoother that holds for every symmetric positive
-    definite matrix. Of a given one that is symmetric, as ``S.H is S`` tells, the largest eigenvalue
-    of S A is estimated by ten steps of Lanczos's method on each level, unless it is known as
-    those of M̄ and `jacobi_preconditioner` are. A cycle whose smoother diverges is built, with a
-    warning: Table I of the paper is about such ones.
+    definite if the smoother also converges on every level, 0 < λ(S A) < 2. It may then precondition
+    `scipy.sparse.linalg.cg`. With the default smoother this holds for every symmetric positive
+    definite matrix. For a given symmetric smoother (``S.H is S``) the largest eigenvalue of S A is
+    estimated by ten steps of Lanczos's method on each level, unless it is known, as for M̄ and
+    `jacobi_preconditioner`. A cycle whose smoother diverges is built all the same, with a warning:
+    Table I of the paper has such cycles.
 
-    **V(1,0) and V(0,1)** are not symmetric, not even in the inner product of A. `cg` assumes a
-    symmetric preconditioner; with these it may stagnate or, having converged by luck, need more
-    iterations than it should. They are meant for `richardson`, where V(0,1) is the cheapest cycle
-    of all: from a zero guess its first residual is `b` itself. With a symmetric smoother V(1,0)
-    is the adjoint of V(0,1), and both converge equally fast in the end.
+    **V(1,0) and V(0,1)** are not symmetric, not even in the inner product of A. As a preconditioner
+    of `cg`, which assumes symmetry, they may stagnate or take more iterations. They are meant for
+    `richardson`, where V(0,1) is the cheapest cycle: with a zero guess its first residual is `b`.
+    With a symmetric smoother V(1,0) is the adjoint of V(0,1), and both converge equally fast
+    asymptotically.
 
     By default restriction averages two elements along each axis (paper, Eq. 13), and interpolation
-    copies (Eq. 14). The number of cycles does not depend on n being even: on an odd grid of one
-    axis the last element, as up to 16 active elements that no coarse element covers, is corrected
-    together with the coarse grid; on several axes the coarse elements of an odd n are (n + 1)/2,
-    and fine ones that lie in two of them are weighed by area. A coarse element belongs to a mask
-    where all its fine elements do, or those that lie in it by more than half. On a mask of many
-    fragments little is left on the coarse grid, and the cycle is hardly better than its smoother:
-    `default_preconditioner` alone takes about twice the iterations, each of a fifth of the work.
+    copies (Eq. 14). Convergence does not depend on whether n is even. On an odd grid of one axis
+    the last element is corrected together with the coarse grid, and so are up to 16 active elements
+    that no coarse element covers; on several axes an odd n has (n + 1)/2 coarse elements, and fine
+    elements that lie in two of them are weighted by area. A coarse element belongs to a mask if all
+    fine elements do that lie in it by more than half. A mask with many fragments leaves few coarse
+    elements, and the cycle is hardly better than its smoother: prefer `default_preconditioner`,
+    which takes about twice the iterations at a fifth of the work each.
 
     Examples
     --------

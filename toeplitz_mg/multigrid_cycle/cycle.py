@@ -19,7 +19,7 @@ from toeplitz_mg.operators.composed import DiagonallyScaled
 class Multigrid(GridOperator):
     """One multigrid cycle from a zero guess, an approximate inverse of ``levels[0].A``.
 
-    Made by `multigrid`, which has the documentation and an example; or from levels of one's own.
+    Made by `multigrid`, which has the documentation and an example, or from your own levels.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Multigrid(GridOperator):
     pre, post : int
         Smoothing steps before and after the coarse-grid correction.
     gamma : int
-        Coarse cycles in a cycle: 1 = V, 2 = W.
+        Number of coarse cycles in a cycle: 1 for V, 2 for W.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Multigrid(GridOperator):
 
     See Also
     --------
-    multigrid : makes it.
+    multigrid : builds the levels and the cycle.
     """
 
     def __init__(self, levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> None:
@@ -117,7 +117,7 @@ class Multigrid(GridOperator):
 
     @property
     def is_hermitian(self) -> bool | None:
-        """Whether the cycle is symmetric; None where a smoother does not tell that of itself."""
+        """Whether the cycle is symmetric; None if this is not known of a smoother."""
         smoothers = [algebra.is_hermitian(level.smoother) for level in self.levels]
         if self.pre != self.post or False in smoothers:
             return False
@@ -125,7 +125,7 @@ class Multigrid(GridOperator):
 
     @property
     def is_definite(self) -> bool:
-        """Whether the cycle is symmetric positive definite by construction, as `cg` needs it.
+        """Whether the cycle is symmetric positive definite by construction, as `cg` requires.
 
         With K = I - S A, v steps before and after, and the coarse cycle B it is
 

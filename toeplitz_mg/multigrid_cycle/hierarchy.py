@@ -78,9 +78,10 @@ def build_levels(
     Raises
     ------
     ValueError
-        Where a smoother or a coarse matrix has not the shape that it must have.
+        If a smoother or a coarse matrix has not the shape that it must have.
     TypeError
-        Where a smoother is no linear operator, or complex, or a coarse matrix no Toeplitz operator.
+        If a smoother is not a linear operator, or complex, or a coarse matrix not a Toeplitz
+        operator.
     """
     levels: list[Level] = []
     while A.shape[0] > coarsest:

@@ -15,15 +15,15 @@ Piece = tuple[Array, slice, slice]
 
 @dataclass(frozen=True)
 class Interpolation:
-    """How a value of the coarse grid is spread over the fine one, along each axis.
+    """Interpolation from the coarse grid to the fine one, along each axis.
 
     Parameters
     ----------
     weights : tuple of float
-        The weights of a coarse value in the fine elements that it covers; the next coarse value
-        begins 2 elements further on. The restriction is the transpose, halved.
+        Weights of a coarse value in the fine elements that it covers; the next coarse value starts
+        2 elements further. The restriction is half the transpose.
     coarser : Interpolation, optional
-        The interpolation of the coarser grids, where it is another one.
+        The interpolation on the coarser grids, if it differs.
 
     See Also
     --------

@@ -219,7 +219,7 @@ def _by_axis(A: ToeplitzOperator, interpolation: Interpolation) -> ByAxis:
 def galerkin(
     A: LinearOperator, interpolation: Interpolation = piecewise_constant
 ) -> LinearOperator:
-    """Return R A P, the Galerkin coarse matrix, which is again Toeplitz, or one near it that is.
+    """Return the Galerkin coarse matrix R A P, or a Toeplitz matrix close to it.
 
     Parameters
     ----------
@@ -229,17 +229,17 @@ def galerkin(
     Returns
     -------
     ToeplitzOperator or MaskedOperator
-        On half the elements along each axis. On a mask the coarse elements are those all of whose
-        fine elements are active; the matrix is exactly R A P there too. Only where copies go to
-        an odd number n of elements, on a grid of several axes, does this differ: the coarse
-        elements are then (n + 1)/2, each slightly shorter than 2 fine ones, R A P is not Toeplitz,
-        and this matrix is near it.
+        The matrix on half the elements along each axis; on a mask, on the coarse elements whose
+        fine elements are all active. It is exactly R A P, except for piecewise constant
+        interpolation to an odd number n of elements on several axes: there are then (n + 1)/2
+        coarse elements, each slightly shorter than two fine ones, R A P is not Toeplitz, and a
+        Toeplitz matrix close to it is returned.
 
     Raises
     ------
     TypeError, ValueError
-        Where `A` is no Toeplitz operator, or not symmetric; where no coarse element of a mask is
-        active as a whole.
+        If `A` is not a Toeplitz operator, or not symmetric, or if no coarse element of a mask has
+        active fine elements only.
 
     See Also
     --------
@@ -267,14 +267,14 @@ def rediscretised(
     operator_of_grid_shape: Callable[[tuple[int, ...]], ToeplitzOperator],
     interpolation: Interpolation = piecewise_constant,
 ) -> Coarsening:
-    """Return a coarsening that discretises the problem anew on the coarse grid (the paper's).
+    """Return a coarsening that discretises the problem on each coarse grid, as in the paper.
 
     Parameters
     ----------
     operator_of_grid_shape : callable
         Maps a grid's shape to the Toeplitz operator of the same problem on that grid.
     interpolation : Interpolation
-        The interpolation of the cycle, which decides the shape of the coarse grid.
+        The interpolation of the cycle, which determines the shape of the coarse grid.
 
     Returns
     -------
@@ -284,7 +284,7 @@ def rediscretised(
     Raises
     ------
     TypeError
-        Where the argument cannot be called.
+        If `operator_of_grid_shape` is not callable.
 
     See Also
     --------

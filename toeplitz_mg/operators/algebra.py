@@ -34,7 +34,7 @@ def read_factor(x: Any, n: int) -> Any:
     TypeError
         For a masked array.
     ValueError
-        Where the number, or an entry of the diagonal, is not finite.
+        If the number, or an entry of the diagonal, is not finite.
 
     Examples
     --------

@@ -82,9 +82,8 @@ def _multiply(name: str, A: "GridOperator", x: Any) -> Any:
 class GridOperator(LinearOperator):
     """A square matrix that acts on a grid, or on the unknowns of a grid.
 
-    A class says in `apply` what becomes of a vector; all that SciPy asks of a `LinearOperator`
-    follows from it. It is Hermitian, unless the class has an ``_adjoint`` of its own: of a real
-    matrix that is symmetric.
+    A subclass defines `apply`; everything that SciPy's `LinearOperator` needs follows from it. The
+    operator is Hermitian (symmetric if it is real), unless the subclass defines ``_adjoint``.
 
     Parameters
     ----------
@@ -95,9 +94,9 @@ class GridOperator(LinearOperator):
         The cost of one application, in products with a Toeplitz matrix on the whole grid (the work
         unit of the paper, §5.2).
     size : int, optional
-        The number of unknowns, where they are not all points of the grid.
+        The number of unknowns, if it is not the number of points of the grid.
     library : Library, optional
-        That of the arrays it multiplies, NumPy by default. The dtype is NumPy's in any case.
+        The library of the arrays that it multiplies, by default NumPy. The dtype is always NumPy's.
 
     Attributes
     ----------
@@ -127,7 +126,7 @@ class GridOperator(LinearOperator):
 
     @property
     def vectors(self) -> Any:
-        """The inner products and the updates of the vectors that it multiplies."""
+        """The inner products and updates of the vectors of this operator."""
         return self.library.vectors
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
@@ -137,13 +136,12 @@ class GridOperator(LinearOperator):
         ----------
         X : ndarray of shape (..., N)
         out : ndarray of the shape of `X`, optional
-            Where the result is written, so that nothing large is allocated. It may be `X`.
+            Array for the result, which saves an allocation. It may be `X`.
 
         Returns
         -------
         ndarray of the shape of `X`
-            `out`, or a new array of the dtype that NumPy gives to the product of a matrix and a
-            vector of these dtypes.
+            `out`, or a new array with the dtype of NumPy's product of these dtypes.
         """
         # Not an `abstractmethod`: its metaclass would make each isinstance(A, GridOperator) slower.
         raise NotImplementedError
@@ -159,8 +157,8 @@ class GridOperator(LinearOperator):
         Returns
         -------
         bool or None
-            True where that is certain, or as good as certain; False where it may diverge; None
-            where nothing is known, so that it has to be found out.
+            True if it converges (or almost certainly does), False if it may diverge, None if this
+            is not known.
         """
         return None
 
@@ -180,7 +178,7 @@ class GridOperator(LinearOperator):
         return Conjugate(adjoint) if self.dtype.kind == "c" else adjoint
 
     def conjugate(self) -> "GridOperator":
-        """Return the complex conjugate of the matrix; of a real one itself."""
+        """Return the complex conjugate of the matrix (a real matrix returns itself)."""
         return self._transpose()._adjoint() if self.dtype.kind == "c" else self
 
     # SciPy takes the numbers below a mask, and anything that has a shape.
@@ -201,7 +199,7 @@ class GridOperator(LinearOperator):
     __pow__ = algebra.power
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
-        """Return L A R as an operator of this package, or NotImplemented.
+        """Return L A R in the form of this package, or NotImplemented.
 
         Parameters
         ----------
@@ -211,11 +209,11 @@ class GridOperator(LinearOperator):
         return NotImplemented
 
     def composed(self, other: Any) -> Any:
-        """Return the product with another operator as one of this package, or NotImplemented."""
+        """Return the product with an operator in the form of this package, or NotImplemented."""
         return NotImplemented
 
     def plus(self, other: Any) -> Any:
-        """Return the sum as an operator of this package, or NotImplemented.
+        """Return the sum in the form of this package, or NotImplemented.
 
         Parameters
         ----------
@@ -249,19 +247,19 @@ class Conjugate(GridOperator):
 
 
 class MatrixOperator(GridOperator):
-    """A grid operator whose entries are known, so that it is written as a matrix is.
+    """A grid operator with known entries, which supports the operations of a matrix.
 
-    A class has `entries` and `diagonal`, the attributes `is_symmetric` and `is_hermitian`, a
-    ``_cast`` to another precision, and the ``_transposed`` of complex matrices.
+    A subclass has `entries` and `diagonal`, the attributes `is_symmetric` and `is_hermitian`,
+    ``_cast`` to another precision, and ``_transposed`` if it can be complex.
     """
 
     def astype(self: Any, dtype: DTypeLike) -> Any:
-        """Return the matrix in another precision, or itself where it has that one.
+        """Return the matrix in another precision, or itself if it has that precision.
 
         Parameters
         ----------
         dtype : dtype
-            float32 or float64; of a complex matrix complex64 or complex128.
+            float32 or float64; for a complex matrix complex64 or complex128.
         """
         with self.ranks.agree() as same:
             same["dtype"] = dtype = check_precision(dtype, self.dtype)
@@ -305,7 +303,7 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
     A : LinearOperator of shape (n, n), or what has `apply` and `vectors` as a GridOperator has
     X : ndarray of shape (n,) or (k, n)
     out : ndarray of the shape of `X`, optional
-        Where the result is written. It may be `X`.
+        Array for the result. It may be `X`.
 
     Returns
     -------
@@ -333,12 +331,12 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
 
 
 def grid_of(A: LinearOperator) -> tuple[int, ...]:
-    """Return the shape of the grid on which an operator acts, a line where it names none."""
+    """Return the shape of the grid on which an operator acts, (n,) if it has no `grid_shape`."""
     return A.grid_shape if isinstance(A, GridOperator) else (A.shape[0],)
 
 
 def work_of(A: LinearOperator) -> float:
-    """Return the work of one application of an operator, 0 where it names none."""
+    """Return the work of one application of an operator, 0 if it has no `work`."""
     return A.work if isinstance(A, GridOperator) else 0.0
 
 

@@ -19,16 +19,15 @@ Rows = Sequence[Sequence[ToeplitzOperator | None]]
 
 
 class CoupledOperator(MatrixOperator):
-    """A square array of Toeplitz matrices, between the components of a field on one grid.
+    """A matrix of Toeplitz blocks, which couple the components of a field on one grid.
 
-    The vectors hold one component after the other, each flattened in C order: they are fields of
-    shape (components, n1, ..., nd), flattened.
+    Vectors are fields of shape (components, n1, ..., nd), flattened in C order.
 
     Parameters
     ----------
     blocks : sequence of sequences of ToeplitzOperator or None
-        ``blocks[i][j]`` takes component j of the vector to component i of the result; None is
-        zero. All live on one grid.
+        ``blocks[i][j]`` maps component j of the vector to component i of the result; None is a zero
+        block. All blocks live on one grid.
 
     Attributes
     ----------
@@ -38,35 +37,34 @@ class CoupledOperator(MatrixOperator):
     is_symmetric : bool
         Equal to its transpose ``A.T``.
     is_hermitian : bool
-        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
+        Equal to its conjugate transpose ``A.H``. For a real matrix this is the same.
 
     Raises
     ------
     TypeError
-        Where there are no rows, or a block is no ToeplitzOperator.
+        If there are no rows, or a block is not a ToeplitzOperator.
     ValueError
-        Where the array is not square, the grids differ, or a row or a column has nothing but
+        If the array is not square, the grids differ, or a row or a column has nothing but
         zeros.
 
     See Also
     --------
-    ToeplitzOperator : one of its blocks.
-    componentwise : a preconditioner of each component.
+    ToeplitzOperator : a block.
+    componentwise : precondition each component separately.
 
     Notes
     -----
-    One product transforms each component once, each way: the work of one product for each
-    component. Of the blocks that are Hermitian, as all are of the tangential problem, the symbol
-    is real. Where one block is complex, all are multiplied as complex ones.
+    One product transforms each component once in each direction: one work unit for each component.
+    If one block is complex, all are multiplied as complex ones.
 
-    Where all blocks (i, j) differ by at most 8 eps from the transposes of the blocks (j, i), as
-    those do that are computed each by itself, they are averaged with them, so that the matrix is
-    symmetric, or Hermitian. This is relative to the largest coefficient of both, or to the
-    geometric mean of those of the blocks (i, i) and (j, j) where that is larger.
+    If all blocks (i, j) equal the transposes of the blocks (j, i) up to 8 eps, they are averaged,
+    so that the matrix is exactly symmetric (or Hermitian). The difference is relative to the
+    largest coefficient of both, or to the geometric mean of those of the blocks (i, i) and (j, j)
+    if that is larger.
 
-    Coefficients at the points of `halfspace.offsets` go with ``ToeplitzOperator(c)``, those at
-    `halfspace.all_offsets` with ``ToeplitzOperator.from_lags(lags)``, which A_xy, as it is odd,
-    needs.
+    For half-spaces, pass coefficients at the points of `halfspace.offsets` to
+    ``ToeplitzOperator(c)``, and those at `halfspace.all_offsets` to
+    ``ToeplitzOperator.from_lags(lags)``, as A_xy needs, which is odd.
 
     Examples
     --------
@@ -118,18 +116,18 @@ class CoupledOperator(MatrixOperator):
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        """An upper bound of the 2-norm: that of the circulant that embeds the matrix."""
         return self._product.norm_bound
 
     def component(self, i: int) -> ToeplitzOperator:
-        """Return the block of component i on itself.
+        """Return the diagonal block of component i.
 
         Raises
         ------
         IndexError
-            Where there is no such component.
+            If there is no such component.
         ValueError
-            Where that is zero.
+            If that is zero.
         """
         if not 0 <= index(i) < len(self.blocks):
             raise IndexError(
@@ -153,7 +151,7 @@ class CoupledOperator(MatrixOperator):
         return CoupledOperator(_each(self.blocks, lambda block: block.times(factor)))
 
     def plus(self, other: Any) -> Any:
-        """Return the sum with a multiple of the unit matrix, or with another such operator."""
+        """Return the sum with a multiple of the unit matrix or another CoupledOperator."""
         if isinstance(other, np.ndarray):
             return self._plus_unit(constant_of(other))
         if not isinstance(other, CoupledOperator) or other.grid_shape != self.grid_shape:

@@ -323,29 +323,29 @@ def _advise_of_indefinite(A: Any) -> str:
 
 
 def componentwise(preconditioner: F) -> F:
-    """Return the preconditioner that treats each component of a `CoupledOperator` by itself.
+    """Return a preconditioner function that treats the components of a matrix separately.
 
     Parameters
     ----------
     preconditioner : callable
         A function of a `ToeplitzOperator` or a `MaskedOperator` of one, such as
-        `fft_preconditioner`. The others of this package take a `CoupledOperator` as they are.
+        `fft_preconditioner` or `multigrid`.
 
     Returns
     -------
     callable
-        The same function, that takes a `CoupledOperator` or a `MaskedOperator` of one too: the
-        result is block diagonal. It is symmetric positive definite where its blocks are.
+        The same function, which also takes a `CoupledOperator` or a `MaskedOperator` of one and
+        then returns a block diagonal operator, symmetric positive definite if its blocks are.
 
     Raises
     ------
     TypeError
-        For what is no function, as a matrix is none.
+        If the argument is not a function, but for example a matrix.
 
     See Also
     --------
     CoupledOperator : the matrix of several components.
-    default_preconditioner : chooses.
+    default_preconditioner : selects a preconditioner for a matrix.
 
     Examples
     --------

@@ -24,16 +24,16 @@ from toeplitz_mg.values import refuse_masked
 class MaskedOperator(MatrixOperator):
     """The rows and columns of an operator where a mask is true (paper, §5.4).
 
-    The Toeplitz structure is lost, the fast product is not: extend the vector by zeros, multiply
-    on the whole grid, restrict.
+    The Toeplitz structure is lost, but products stay fast: the vector is extended by zeros,
+    multiplied on the whole grid, and restricted to the mask.
 
     Parameters
     ----------
     A : ToeplitzOperator
-        An operator on a whole grid. Any LinearOperator will do that acts on vectors of all points
-        of the grid that its attribute ``grid_shape`` says, such as a DiagonalisedOperator.
+        An operator on a whole grid. Any LinearOperator with an attribute ``grid_shape`` that acts
+        on vectors of all points of that grid will do, such as a DiagonalisedOperator.
     mask : array_like of bool, of shape ``A.grid_shape``
-        True where there is an unknown; of coupled components one mask may do for all.
+        True at the unknowns. For coupled components, one mask may serve all.
 
     Attributes
     ----------
@@ -45,19 +45,19 @@ class MaskedOperator(MatrixOperator):
     Raises
     ------
     TypeError
-        Where the mask is not of booleans, or `A` is not an operator on a whole grid, as an
+        If the mask is not boolean, or `A` is not an operator on a whole grid, as an
         operator on a part of one.
     ValueError
-        Where the mask has another shape than the grid, or is nowhere true.
+        If the mask has another shape than the grid, or is nowhere true.
 
     See Also
     --------
     ToeplitzOperator : the matrix on the whole grid.
-    fsai_preconditioner : its preconditioner, on any mask.
+    fsai_preconditioner : a preconditioner for any mask.
 
     Notes
     -----
-    It acts on the vector of the ``mask.sum()`` unknowns, in C order: ``grid[mask]``. To get back,
+    Vectors have the ``mask.sum()`` unknowns in C order, ``grid[mask]``. Back to the grid:
     ``grid = np.zeros(A.grid_shape); grid[mask] = x``.
 
     Examples
@@ -102,7 +102,7 @@ class MaskedOperator(MatrixOperator):
         return self.apply(np.eye(self.shape[0], dtype=self.dtype)).T
 
     def astype(self, dtype: DTypeLike) -> "MaskedOperator":
-        """Return the matrix in another precision, or itself where it has that one."""
+        """Return the matrix in another precision, or itself if it has that precision."""
         if self.dtype == dtype:
             return self
         if not hasattr(self.full, "astype"):
@@ -141,17 +141,17 @@ class MaskedOperator(MatrixOperator):
 
     @property
     def is_symmetric(self) -> bool:
-        """Whether the matrix of which this is a part is equal to its transpose."""
+        """Whether the matrix on the whole grid equals its transpose."""
         return bool(self.full.is_symmetric)
 
     @property
     def is_hermitian(self) -> bool:
-        """Whether the matrix of which this is a part is equal to its conjugate transpose."""
+        """Whether the matrix on the whole grid equals its conjugate transpose."""
         return bool(self.full.is_hermitian)
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix of which this is a part."""
+        """An upper bound of the 2-norm: that of the matrix on the whole grid."""
         return float(self._whole().norm_bound)
 
     def entries(self, rows: Array, columns: Array) -> Array:

@@ -15,7 +15,7 @@ from toeplitz_mg.values import refuse_masked
 def matmul_toeplitz(
     c_or_cr: Any, x: ArrayLike, check_finite: bool = False, workers: int | None = None
 ) -> Array:
-    """Multiply a Toeplitz matrix with vectors: the drop-in for `scipy.linalg.matmul_toeplitz`.
+    """Multiply a Toeplitz matrix and vectors: drop-in for `scipy.linalg.matmul_toeplitz`.
 
     Parameters
     ----------
@@ -24,9 +24,9 @@ def matmul_toeplitz(
         it is the conjugate of c. Leading dimensions are a batch, as in SciPy.
     x : array_like of shape (n,) or (..., n, k)
     check_finite : bool
-        Whether numbers that are not finite are an error; else the product has NaN.
+        Whether to raise an error for NaN and infinities; if false, the product has NaN.
     workers : int, optional
-        Most threads, as in `scipy.fft`.
+        Maximum number of threads, as in `scipy.fft`.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def matmul_toeplitz(
 
     See Also
     --------
-    ToeplitzOperator : for more than one product with the same matrix.
+    ToeplitzOperator : faster for several products with the same matrix.
     scipy.linalg.matmul_toeplitz
 
     Examples

@@ -17,10 +17,10 @@ Shape = tuple[int, ...]
 
 
 class RectangularToeplitz(MatrixOperator):
-    """A Toeplitz matrix with another number of rows than columns, of one axis or several.
+    """A rectangular Toeplitz matrix of one or several axes, multiplied by FFT.
 
-    `ToeplitzOperator` makes one: of a first column and a first row of different lengths, of lags
-    with a `shape`, and of a convolution.
+    Made by ``ToeplitzOperator(c, r)`` with a first column and row of different lengths, and by
+    `ToeplitzOperator.from_lags` and `ToeplitzOperator.convolution`.
 
     Attributes
     ----------
@@ -30,20 +30,21 @@ class RectangularToeplitz(MatrixOperator):
     lags : ndarray of shape (m1 + n1 - 1, m2 + n2 - 1, ...)
         The coefficients a[i - j], from the lag 1 - n on.
     dtype : dtype
-        As of a `ToeplitzOperator`.
+        As for `ToeplitzOperator`.
 
     See Also
     --------
-    ToeplitzOperator : the square matrices.
+    ToeplitzOperator : square Toeplitz matrices.
     toeplitz_lstsq : least squares.
 
     Notes
     -----
-    The matrix is a part of a square one of max(m, n) points along each axis, by which it
-    multiplies: extend by zeros, multiply, cut. A small one multiplies as a dense matrix does.
+    The matrix is a part of a square one with max(m, n) points along each axis: vectors are extended
+    by zeros, multiplied, and cut. Small matrices are multiplied as dense ones.
 
-    ``A.H @ A``, and so ``A.H @ A + s * scipy.sparse.eye_array(n)``, knows the Toeplitz matrix that
-    it is, or is close to, so that the preconditioners of this package take it.
+    The preconditioners of this package also take ``A.H @ A`` and ``A.H @ A + s *
+    scipy.sparse.eye_array(n)``: they use the Toeplitz matrix that equals the product or is close to
+    it.
 
     Examples
     --------
@@ -75,7 +76,7 @@ class RectangularToeplitz(MatrixOperator):
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        """An upper bound of the 2-norm: that of the circulant that embeds the matrix."""
         return float(self._product.norm_bound)
 
     def toarray(self) -> Array:

@@ -25,58 +25,58 @@ class Term(NamedTuple):
 
 
 class ToeplitzSum(MatrixOperator):
-    """A sum Σ L A R + D of Toeplitz matrices A between diagonal ones, and of a diagonal one.
+    """A sum Σ L A R + D with Toeplitz matrices A and diagonal matrices L, R and D.
 
-    It comes of ``A + D``, ``D @ A``, ``A @ D`` and their sums, where D is a diagonal matrix of
-    SciPy, as `scipy.sparse.diags_array` and `scipy.sparse.eye_array` make. What stays Toeplitz in
-    them, as with a constant diagonal, stays a ToeplitzOperator.
+    Made by ``A + D``, ``D @ A``, ``A @ D`` and their sums, where D is a diagonal matrix of SciPy
+    (`scipy.sparse.diags_array`, `scipy.sparse.eye_array`). If the result is Toeplitz, for example
+    because D is constant, it is a ToeplitzOperator.
 
     Parameters
     ----------
     terms : iterable of Term
-        Their matrices are ToeplitzOperators on one grid. L and R are arrays of shape (N,),
-        numbers, or None for the unit matrix.
+        The matrices are ToeplitzOperators on one grid. L and R are arrays of shape (N,), numbers,
+        or None for the unit matrix.
     diagonal : ndarray of shape (N,), optional
         The entries of D, by default zero.
 
     Attributes
     ----------
     terms : tuple of Term
-        No number is left in them, and no two have the same L and R.
+        Numbers are multiplied into the matrices, and terms with the same L and R are added.
     offset : ndarray of shape (N,) or None
         The entries of D.
     is_symmetric : bool
         Equal to its transpose ``A.T``.
     is_hermitian : bool
-        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
+        Equal to its conjugate transpose ``A.H``. For a real matrix this is the same.
     grid_shape : tuple of int
 
     Raises
     ------
     ValueError
-        Where there is no term, a matrix lives on another grid, or a diagonal has another shape or
+        If there is no term, a matrix lives on another grid, or a diagonal has another shape or
         entries that are not finite.
     TypeError
-        Where a matrix is no ToeplitzOperator.
+        If a matrix is not a ToeplitzOperator.
 
     See Also
     --------
-    ToeplitzOperator : its Toeplitz parts.
-    tau_preconditioner : its preconditioner, for fractional diffusion.
-    gmres : the solver.
+    ToeplitzOperator : the Toeplitz matrices.
+    tau_preconditioner : a preconditioner for fractional diffusion.
+    gmres : a solver for sums that are not symmetric.
 
     Notes
     -----
     A product costs one work unit for each Toeplitz matrix.
 
-    A preconditioner of a sum S is that of one Toeplitz matrix, between two diagonal ones. These are
-    the inverse square roots of the diagonal of S, with which it becomes all ones; then each
-    diagonal matrix is replaced by its mean, and each Toeplitz matrix by its symmetric part, but for
-    the preconditioners that take any matrix. So it is symmetric positive definite, for `cg` where S
-    is symmetric and for `gmres` where it is not, and its iterations are bounded where the
-    coefficients are smooth. It is refused where the diagonal of S is not positive, or the Toeplitz
-    matrix is not positive definite, which may be so where neighbouring entries of D differ by
-    orders, though S is. (See `toeplitz_mg.operators.sums.average`.)
+    Preconditioners approximate a sum S by one Toeplitz matrix. S is first scaled from both sides by
+    the inverse square roots of its diagonal; then each diagonal matrix is replaced by its mean, and
+    each Toeplitz matrix by its symmetric part (unless the preconditioner takes any matrix). The
+    result is symmetric positive definite: use `cg` if S is symmetric and `gmres` otherwise. The
+    number of iterations stays bounded if the coefficients are smooth. A LinAlgError is raised if
+    the diagonal of S is not positive, or if the Toeplitz matrix is not positive definite, which can
+    happen for a positive definite S if neighbouring entries of D differ by orders of magnitude.
+    (See `toeplitz_mg.operators.sums.average`.)
 
     Examples
     --------
@@ -282,7 +282,7 @@ def average(
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the diagonal is not positive.
+        If the diagonal is not positive.
 
     References
     ----------

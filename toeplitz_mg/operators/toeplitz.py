@@ -24,22 +24,22 @@ from toeplitz_mg.values import refuse_masked
 
 
 class ToeplitzOperator(MatrixOperator):
-    """A real or complex Toeplitz matrix, of one axis or several, that multiplies by FFT.
+    """A real or complex Toeplitz matrix of one or several axes, multiplied by FFT.
 
-    Its entry for the grid points i and j depends on i - j only. On a grid of two axes it is a
+    The entry for the grid points i and j depends on i - j only. On a grid of two axes this is a
     block Toeplitz matrix with Toeplitz blocks (BTTB).
 
     Parameters
     ----------
     c : array_like of shape (n,) or (n1, n2, ...)
-        First column. With one axis as in `scipy.linalg.toeplitz`, so that without `r` the first
-        row is its conjugate: the matrix is symmetric where `c` is real, and Hermitian where it is
-        complex and ``c[0]`` is real. With several axes the first column, as a grid, of a real
-        matrix that is symmetric along each axis.
+        First column. On one axis as in `scipy.linalg.toeplitz`: without `r` the first row is the
+        conjugate of `c`, so the matrix is symmetric if `c` is real, and Hermitian if `c` is complex
+        with a real ``c[0]``. On several axes `c` is the first column, as a grid, of a real matrix
+        that is symmetric along each axis.
     r : array_like of shape (n,), optional
-        First row of any other matrix; its first entry is ignored, as in
-        `scipy.linalg.toeplitz`. With another length than `c` the matrix is rectangular, a
-        `RectangularToeplitz`. For several axes use `from_lags`.
+        First row, on one axis; its first entry is ignored, as in `scipy.linalg.toeplitz`. If its
+        length differs from that of `c`, the matrix is rectangular, a `RectangularToeplitz`. For
+        several axes use `from_lags`.
 
     Attributes
     ----------
@@ -50,53 +50,52 @@ class ToeplitzOperator(MatrixOperator):
     is_symmetric : bool
         Equal to its transpose ``A.T``.
     is_hermitian : bool
-        Equal to its conjugate transpose ``A.H``. Of a real matrix this is the same.
+        Equal to its conjugate transpose ``A.H``. For a real matrix this is the same.
     is_even : bool
-        Symmetric along each axis, and so given by its first column `c` alone.
+        Symmetric along each axis, and so determined by its first column `c`.
     dtype : dtype
-        float32 or complex64 for coefficients in that precision, float64 or complex128 otherwise. A
-        float32 vector times a float32 operator is float32; otherwise the product has the dtype that
-        NumPy would promote it to, with the digits of the operator, and for vectors of any size.
+        float32 or complex64 for coefficients in that precision, otherwise float64 or complex128. A
+        float32 vector times a float32 operator is float32; otherwise the product has the dtype to
+        which NumPy promotes it, and the accuracy of the operator.
 
     Raises
     ------
     TypeError
-        For coefficients that are not numbers.
+        If the coefficients are not numbers.
     ValueError
-        For coefficients that are empty or not finite, or so large or so small that products
-        over- or underflow (above some 1e305 in double precision and 1e36 in single; below some
-        1e-302 and 1e-32 of a million unknowns), and for complex `c` of several axes, which do not
-        say what the matrix is.
+        If coefficients are missing or not finite, or so large or small that products over- or
+        underflow (for a million unknowns above some 1e305 or below 1e-302 in double precision,
+        above 1e36 or below 1e-32 in single). Also for a complex `c` of several axes, which does not
+        determine the matrix.
 
     Warns
     -----
     UserWarning
-        For a square `c` that is constant along its diagonals, but not everywhere, as a dense
-        Toeplitz matrix is: it is taken for the first column of a matrix of two axes.
+        If `c` looks like a dense Toeplitz matrix: square, constant along its diagonals but not
+        everywhere. It is taken for the first column of a matrix of two axes.
 
     See Also
     --------
-    MaskedOperator : its restriction to a part of the grid.
-    CoupledOperator : several of them, as blocks.
-    RectangularToeplitz : with another number of rows than columns.
+    MaskedOperator : the restriction to a part of the grid.
+    CoupledOperator : a matrix with Toeplitz blocks.
+    RectangularToeplitz : a Toeplitz matrix that is not square.
     toeplitz_lstsq : least squares.
-    ToeplitzSum : with diagonal matrices.
+    ToeplitzSum : sums and products with diagonal matrices.
     scipy.linalg.toeplitz : the dense matrix, on one axis.
 
     Notes
     -----
-    A product is exact up to rounding: any embedding in a circulant of size at least 2 n - 1
-    multiplies correctly; a fast transform length is taken. It costs O(N log N), and is the work
-    unit of the paper (§5.2), of a complex matrix one of complex numbers.
+    A product costs O(N log N) operations, the work unit of the paper (§5.2), and is exact up to
+    rounding: the matrix is embedded in a circulant of a fast transform length of at least 2 n - 1.
 
-    Coefficients that differ from their mirror by at most 8 eps of the largest, as autocorrelations
-    computed by FFT do, are averaged with it, so that the matrix is symmetric, or Hermitian.
+    If the coefficients are symmetric (or Hermitian) up to 8 eps of the largest, as autocorrelations
+    computed by FFT are, they are made exactly so by averaging.
 
-    Operators are written as matrices are. ``2 * A``, ``A + B`` and ``A + s * eye_array(n)``, with
-    `scipy.sparse.eye_array`, are Toeplitz matrices again; with a diagonal matrix D, as
-    `scipy.sparse.diags_array` makes one, ``A + D`` and ``D @ A`` are a `ToeplitzSum`, which every
-    preconditioner takes. ``A[i, j]``, with slices too, ``A.diagonal()`` and ``A.trace()`` are those
-    of the dense matrix.
+    Operators support the operations of matrices: ``2 * A``, ``A + B`` and ``A + s * eye_array(n)``,
+    with `scipy.sparse.eye_array`, are Toeplitz matrices again. With a diagonal matrix D made by
+    `scipy.sparse.diags_array`, ``A + D`` and ``D @ A`` are a `ToeplitzSum`, which every
+    preconditioner takes. ``A[i, j]`` (also with slices), ``A.diagonal()`` and ``A.trace()`` return
+    the entries of the dense matrix.
 
     Examples
     --------
@@ -159,7 +158,7 @@ class ToeplitzOperator(MatrixOperator):
         Parameters
         ----------
         lags : array_like of shape (2 n1 - 1, 2 n2 - 1, ...)
-            a[i - j], lag zero in the centre; any real or complex coefficients, symmetric or not.
+            a[i - j], lag zero in the centre; real or complex, symmetric or not.
         shape : tuple, optional
             (m, n) for a rectangular matrix of one axis, of several
             ((m1, m2, ...), (n1, n2, ...)): the grids of the rows and of the columns. Then `lags`
@@ -168,8 +167,8 @@ class ToeplitzOperator(MatrixOperator):
         Raises
         ------
         TypeError, ValueError
-            For coefficients that the class refuses, for an even length, which has no centre, and
-            for lags that do not have the shape that follows from `shape`.
+            If the class refuses the coefficients, a length is even (it has no centre), or `lags`
+            does not have the shape that follows from `shape`.
 
         Examples
         --------
@@ -199,8 +198,8 @@ class ToeplitzOperator(MatrixOperator):
         shape : int or tuple of int
             The shape of the fields.
         mode : {"full", "same", "valid"}
-            Whether the product has all points that the convolution has, those of the field, or
-            those alone where the kernel lies on the field.
+            Which points of the convolution are returned, as in `scipy.signal.convolve`: all, as
+            many as the field has, or those where the kernel lies within the field.
 
         Returns
         -------
@@ -209,8 +208,8 @@ class ToeplitzOperator(MatrixOperator):
         Raises
         ------
         TypeError, ValueError
-            For coefficients that the class refuses, another mode, another number of axes, and a
-            kernel that is larger than the field with "valid".
+            If the class refuses the coefficients, the mode is unknown, the numbers of axes differ,
+            or with "valid" the kernel is larger than the field.
 
         Examples
         --------
@@ -234,7 +233,7 @@ class ToeplitzOperator(MatrixOperator):
 
     @property
     def squeezed(self) -> "ToeplitzOperator":
-        """The matrix without axes of one point, which have no lags; or itself."""
+        """The matrix without axes of length one, or itself if there are none."""
         squeezed = self._coefficients.squeezed
         if squeezed is self._coefficients:
             return self
@@ -242,12 +241,12 @@ class ToeplitzOperator(MatrixOperator):
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        """An upper bound of the 2-norm: that of the circulant that embeds the matrix."""
         return self._product.norm_bound
 
     @property
     def embedding_spectrum(self) -> Array | None:
-        """The eigenvalues that a `MultilevelProduct` on this very grid needs, or None."""
+        """The eigenvalues that a `MultilevelProduct` on this grid needs, or None."""
         if self._coefficients.squeezed is not self._coefficients:
             return None
         if isinstance(self._product, MultilevelProduct) and self._product.spectrum:
@@ -260,8 +259,8 @@ class ToeplitzOperator(MatrixOperator):
         Parameters
         ----------
         shape : tuple of int
-            The size of the circulant along each axis, at least 2 n - 1. Lags that the matrix has
-            not are zero in it.
+            The size of the circulant along each axis, at least 2 n - 1. Lags beyond those of the
+            matrix are zero.
         """
         lags = self.lags
         library = self.library

@@ -77,9 +77,9 @@ def test1(n: int) -> Problem:
     Raises
     ------
     ValueError
-        Where `n` is below 1.
+        If `n` is below 1.
     TypeError
-        Where `n` is not an integer.
+        If `n` is not an integer.
 
     See Also
     --------
@@ -112,9 +112,9 @@ def test2(n: int) -> Problem:
     Raises
     ------
     ValueError
-        Where `n` is below 1.
+        If `n` is below 1.
     TypeError
-        Where `n` is not an integer.
+        If `n` is not an integer.
 
     See Also
     --------
@@ -148,9 +148,9 @@ def test3(n: int) -> Problem:
     Raises
     ------
     ValueError
-        Where `n` is below 2, so that no element is in contact.
+        If `n` is below 2, so that no element is in contact.
     TypeError
-        Where `n` is not an integer.
+        If `n` is not an integer.
 
     See Also
     --------

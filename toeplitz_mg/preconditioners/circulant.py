@@ -188,7 +188,7 @@ def smooth_inverse(A: ToeplitzOperator, eigenvalues: Array) -> DiagonalisedOpera
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where one is zero.
+        If one is zero.
     """
     return _inverse(A, eigenvalues, "the smooth", A.dtype)
 

@@ -150,9 +150,9 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where that is not positive definite.
+        If that is not positive definite.
     ValueError
-        Where A is not Hermitian, or the block of a component on itself is zero.
+        If A is not Hermitian, or the block of a component on itself is zero.
     """
     check_hermitian(A)
     components, *grid = A.grid_shape

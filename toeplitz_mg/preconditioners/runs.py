@@ -43,7 +43,7 @@ class InverseOnRuns:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where FSAI is refused.
+        If FSAI is refused.
     """
 
     def __init__(self, A: ToeplitzOperator, area: Mask, dtype: DTypeLike) -> None:

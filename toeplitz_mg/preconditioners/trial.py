@@ -39,7 +39,7 @@ def better_than_none(
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is found not to be positive definite.
+        If A is found not to be positive definite.
     """
     if not others:
         return none

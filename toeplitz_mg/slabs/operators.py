@@ -141,7 +141,7 @@ class ToeplitzOperator(SlabOperator):
     ------
     ValueError, TypeError
         On all ranks where `toeplitz_mg.ToeplitzOperator` refuses the coefficients of one, where
-        they have another shape than this rank's rows, or where the ranks differ about the matrix.
+        they have another shape than this rank's rows, or if the ranks differ about the matrix.
 
     See Also
     --------

@@ -42,7 +42,7 @@ def select_stencil(kernel: Array) -> Stencil:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where 40 are not enough, or the construction fails.
+        If 40 are not enough, or the construction fails.
     """
     for neighbours in NUMBERS:
         stencil = Stencil.of_one(kernel, neighbours)
@@ -74,7 +74,7 @@ def choose_stencil(
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where `select_stencil` does.
+        If `select_stencil` does.
     """
     if is_line and is_whole:
         # This is what `line` builds, which makes use of it that all rows are alike.
