@@ -32,9 +32,9 @@ def riesz_coefficients(order: float, n: int) -> Array:
     Parameters
     ----------
     order : float
-        α, above 0 and at most 2.
+        The order α, 0 < α ≤ 2.
     n : int
-        The number of points inside an interval, h apart; outside of it the function is zero.
+        Number of interior points of an interval, with the spacing h; the function is zero outside.
 
     Returns
     -------
@@ -45,17 +45,16 @@ def riesz_coefficients(order: float, n: int) -> Array:
     Raises
     ------
     TypeError, ValueError
-        If `order` is no such number, or `n` no positive integer.
+        If `order` is not such a number, or `n` not a positive integer.
 
     See Also
     --------
-    toeplitz_mg.tau_preconditioner : with which conjugate gradients take at most 10 iterations to
-        1e-8 for α from 1.1 to 1.9 on up to 2²⁰ points, n = 2ᵏ - 1; or to what rounding allows.
+    toeplitz_mg.tau_preconditioner : the preconditioner; iterations do not depend on n.
 
     Notes
     -----
-    These are fractional centred differences, of order h². The Riesz derivative is the fractional
-    power -(-d²/dx²)^(α/2), and so that in several axes is the sum of those along each of them.
+    These are fractional centred differences, with an error of order h². The Riesz derivative is the
+    fractional power -(-d²/dx²)^(α/2); on several axes add the derivatives along each axis.
 
     References
     ----------
@@ -85,9 +84,9 @@ def grunwald_coefficients(order: float, n: int) -> tuple[Array, Array]:
     Parameters
     ----------
     order : float
-        α, from 1 to 2.
+        The order α, 1 ≤ α ≤ 2.
     n : int
-        The number of points inside an interval, h apart; outside of it the function is zero.
+        Number of interior points of an interval, with the spacing h; the function is zero outside.
 
     Returns
     -------
@@ -97,16 +96,16 @@ def grunwald_coefficients(order: float, n: int) -> tuple[Array, Array]:
     Raises
     ------
     TypeError, ValueError
-        If `order` is no such number, or `n` no positive integer.
+        If `order` is not such a number, or `n` not a positive integer.
 
     See Also
     --------
-    riesz_coefficients : of the symmetric derivative.
-    toeplitz_mg.tau_preconditioner : the preconditioner.
+    riesz_coefficients : the symmetric derivative.
+    toeplitz_mg.tau_preconditioner : a preconditioner.
 
     Notes
     -----
-    These are Grünwald's formulas, shifted by one point, of order h.
+    This is the Grünwald formula shifted by one point, with an error of order h.
 
     References
     ----------

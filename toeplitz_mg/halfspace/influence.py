@@ -104,31 +104,32 @@ def influence_zz(
     Parameters
     ----------
     x, y : array_like
-        Points on the surface, relative to the element's centre, mm; broadcast.
+        Points on the surface relative to the centre of the element, mm; they broadcast.
     element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
+        Element size h₁ × h₂, mm, of any ratio.
     G, nu : float
-        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+        Shear modulus (N/mm²) and Poisson's ratio; for two materials those of `combined_material`.
 
     Returns
     -------
     ndarray of float64
-        mm per N/mm², for both bodies together, to a relative error of some 1e-14.
+        Displacement difference of the two bodies, mm per N/mm², with a relative error of some
+        1e-14.
 
     Raises
     ------
     ValueError
-        For a modulus or an element that is not positive, a Poisson's ratio outside (-1, 0.5], or
-        points that are not finite.
+        If a modulus or an element size is not positive, Poisson's ratio is outside (-1, 0.5], or a
+        point is not finite.
     TypeError
-        For what is no real number.
+        If an argument is not a real number.
 
     See Also
     --------
-    influence_xx, influence_yy, influence_xy : by tangential tractions, along the surface.
-    influence_xz, influence_yz : along the surface, of unequal materials.
-    influence_matrix : the matrix of any directions.
-    offsets : where the coefficients are wanted.
+    influence_xx, influence_yy, influence_xy : tangential displacements by tangential tractions.
+    influence_xz, influence_yz : tangential displacements by a pressure, for unequal materials.
+    influence_matrix : the matrix for any directions.
+    offsets : the points of the coefficients of a matrix.
 
     Examples
     --------
@@ -144,12 +145,12 @@ def influence_xx(
 ) -> Array:
     """Return the displacement along x by a unit traction along x on an element (Cerruti).
 
-    This is the kernel of the paper, whose elements are 8/n × 100 mm.
+    This is the kernel of the paper, with elements of 8/n × 100 mm.
 
     See Also
     --------
-    influence_zz : its arguments, result and errors are those of this function.
-    influence_matrix : the matrix of any directions.
+    influence_zz : describes the arguments, the result and the errors.
+    influence_matrix : the matrix for any directions.
 
     Examples
     --------
@@ -169,8 +170,8 @@ def influence_yy(
 
     See Also
     --------
-    influence_zz : its arguments, result and errors are those of this function.
-    influence_matrix : the matrix of any directions.
+    influence_zz : describes the arguments, the result and the errors.
+    influence_matrix : the matrix for any directions.
 
     Examples
     --------
@@ -184,14 +185,14 @@ def influence_yy(
 def influence_xy(
     x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, nu: float
 ) -> Array:
-    """Return the displacement along x by a unit traction along y, or the other way round.
+    """Return the displacement along x by a unit traction along y, or along y by one along x.
 
-    It is odd in x and in y: build the operator from `all_offsets`, by `ToeplitzOperator.from_lags`.
+    It is odd in x and in y: use `all_offsets` and `ToeplitzOperator.from_lags` for the operator.
 
     See Also
     --------
-    influence_zz : its arguments, result and errors are those of this function.
-    influence_matrix : the matrix of any directions.
+    influence_zz : describes the arguments, the result and the errors.
+    influence_matrix : the matrix for any directions.
 
     Examples
     --------
@@ -205,21 +206,20 @@ def influence_xy(
 def influence_xz(
     x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, K: float
 ) -> Array:
-    """Return the displacement along x by a unit pressure on an element, of unequal materials.
+    """Return the displacement along x by a unit pressure on an element, for unequal materials.
 
-    It is that of the first body less that of the second, and K is their `difference_parameter`, in
-    (-1.5, 1.5).
+    The displacement is that of the first body minus that of the second; K is their
+    `difference_parameter`, in (-1.5, 1.5).
 
     The surface of a compressible body moves towards the load, so a coefficient has the sign of
-    -K x. It is odd in x and even in y: build the operator from `all_offsets`, by
-    `ToeplitzOperator.from_lags`. By reciprocity a unit traction along x displaces in the normal
-    direction by A_zx = -A_xz, which is the operator's transpose: the matrix of all three
-    directions is symmetric.
+    -K x. It is odd in x and even in y: use `all_offsets` and `ToeplitzOperator.from_lags` for the
+    operator. By reciprocity the normal displacement by a unit traction along x is A_zx = -A_xz, the
+    transpose of the operator: the matrix of all three directions is symmetric.
 
     See Also
     --------
-    influence_zz : its arguments, result and errors are those of this function.
-    influence_matrix : the matrix of any directions.
+    influence_zz : describes the arguments, the result and the errors.
+    influence_matrix : the matrix for any directions.
 
     Examples
     --------
@@ -233,14 +233,14 @@ def influence_xz(
 def influence_yz(
     x: ArrayLike, y: ArrayLike, element: tuple[float, float], *, G: float, K: float
 ) -> Array:
-    """Return the displacement along y by a unit pressure on an element, of unequal materials.
+    """Return the displacement along y by a unit pressure on an element, for unequal materials.
 
     It is `influence_xz` with x and y exchanged: odd in y, even in x, and A_zy = -A_yz.
 
     See Also
     --------
-    influence_zz : its arguments, result and errors are those of this function.
-    influence_matrix : the matrix of any directions.
+    influence_zz : describes the arguments, the result and the errors.
+    influence_matrix : the matrix for any directions.
 
     Examples
     --------
@@ -252,9 +252,10 @@ def influence_yz(
 
 
 def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, reference: float) -> Array:
-    """Return the plane-strain coefficients of n strips of width h, of infinite length.
+    """Return the plane-strain coefficients of n infinitely long strips of width h.
 
-    Normal or tangential: ``u(x) = 2(1-ν)/(πG) ∫ p(ξ) ln(d/|x-ξ|) dξ``, for two bodies.
+    They hold for normal and for tangential contact of two bodies:
+    ``u(x) = 2(1-ν)/(πG) ∫ p(ξ) ln(d/|x-ξ|) dξ``.
 
     Parameters
     ----------
@@ -263,10 +264,10 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     h : float
         Width of a strip, mm.
     G, nu : float
-        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+        Shear modulus (N/mm²) and Poisson's ratio; for two materials those of `combined_material`.
     reference : float
-        The distance d at which a line load moves nothing, mm; the constant that plane strain
-        leaves open.
+        The distance d at which a line load causes no displacement, mm. Plane strain determines
+        displacements up to a constant only.
 
     Returns
     -------
@@ -276,16 +277,16 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     Raises
     ------
     ValueError
-        If `reference` is so small that the matrix is indefinite: at most the logarithmic
-        capacity n h/4 of the contact area, or, for up to 200 strips, at most the value a little
-        below it at which an eigenvalue is zero. Where n, h, G or the reference is not positive,
-        or nu outside (-1, 0.5].
+        If `reference` is so small that the matrix is indefinite. The limit is the logarithmic
+        capacity n h/4 of the contact area, or for up to 200 strips the slightly smaller value at
+        which an eigenvalue is zero. Also if n, h, G or the reference is not positive, or nu is
+        outside (-1, 0.5].
     TypeError
-        If n is not an integer, or another argument no real number.
+        If n is not an integer, or another argument is not a real number.
 
     See Also
     --------
-    influence_xx : of rectangles that are not long.
+    influence_xx : for rectangular elements.
 
     Notes
     -----
@@ -314,10 +315,10 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
 
 
 def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[Array, Array]:
-    """Return the points of the first column of a matrix that is symmetric along both axes.
+    """Return the points at which to evaluate coefficients that are even in x and in y.
 
-    They go with ``ToeplitzOperator(c)``, for coefficients that are even in x and in y; those of
-    `all_offsets` go with ``ToeplitzOperator.from_lags(lags)``, for any.
+    Pass such coefficients to ``ToeplitzOperator(c)``. For others use `all_offsets` and
+    ``ToeplitzOperator.from_lags(lags)``.
 
     Parameters
     ----------
@@ -334,14 +335,14 @@ def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[
     Raises
     ------
     ValueError
-        For a grid without elements, or an element whose size is not positive.
+        If the grid has no elements, or an element size is not positive.
     TypeError
-        For numbers of elements that are not integers, or sizes that are not real numbers.
+        If numbers of elements are not integers, or sizes are not real numbers.
 
     See Also
     --------
-    all_offsets : of all quadrants.
-    influence_matrix : the matrix.
+    all_offsets : the points in all quadrants.
+    influence_matrix : the matrix itself.
 
     Examples
     --------
@@ -359,10 +360,10 @@ def offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[
 
 
 def all_offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tuple[Array, Array]:
-    """Return the points of all coefficients, negative lags too.
+    """Return the points at which to evaluate all coefficients, including negative lags.
 
-    They go with ``ToeplitzOperator.from_lags(lags)``. The arguments and errors are those of
-    `offsets`.
+    Pass the coefficients to ``ToeplitzOperator.from_lags(lags)``. The arguments and errors are
+    those of `offsets`.
 
     Returns
     -------
@@ -371,8 +372,8 @@ def all_offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tu
 
     See Also
     --------
-    offsets : of one quadrant, where the coefficients are even.
-    influence_matrix : the matrix.
+    offsets : the points in one quadrant, for even coefficients.
+    influence_matrix : the matrix itself.
 
     Examples
     --------

@@ -14,7 +14,7 @@ WANTED = "a contact.Material, or two of them, (first, second)"  # What is said w
 
 @dataclass(frozen=True, init=False)
 class Material:
-    """An elastic body: isotropic, homogeneous, thick beside the contact.
+    """An elastic body: isotropic, homogeneous, and large compared to the contact.
 
     Parameters
     ----------
@@ -30,19 +30,19 @@ class Material:
     nu : float
     E : float
     E_star : float
-        E/(1-ν²), the modulus of the contact with a rigid body; of two bodies 1/E* is the sum.
+        E/(1-ν²), the modulus for contact with a rigid body. For two bodies 1/E* = 1/E₁* + 1/E₂*.
 
     Raises
     ------
     ValueError
-        For a modulus that is not positive or a Poisson's ratio outside (-1, 0.5].
+        If a modulus is not positive, or Poisson's ratio is outside (-1, 0.5].
     TypeError
-        For what is no real number.
+        If an argument is not a real number.
 
     See Also
     --------
-    Material.from_shear : from the shear modulus.
-    Material.rigid : a body that does not deform.
+    Material.from_shear : make a material from its shear modulus.
+    Material.rigid : make a body that does not deform.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class Material:
 
     @classmethod
     def from_shear(cls, G: float, nu: float) -> Self:
-        """Return the body of this shear modulus and this Poisson's ratio.
+        """Return the material with a given shear modulus and Poisson's ratio.
 
         Parameters
         ----------
@@ -79,7 +79,7 @@ class Material:
         Raises
         ------
         ValueError, TypeError
-            As by `Material`.
+            As for `Material`.
 
         Examples
         --------
@@ -91,12 +91,12 @@ class Material:
 
     @classmethod
     def rigid(cls) -> Self:
-        """Return the body that does not deform; only one of two may be it.
+        """Return a body that does not deform; only one of the two bodies may be rigid.
 
         Returns
         -------
         Material
-            Its moduli are infinite.
+            With infinite moduli.
 
         Examples
         --------
@@ -123,7 +123,7 @@ class Material:
 
     @property
     def E_star(self) -> float:
-        """The modulus of the contact with a rigid body, E/(1-ν²), N/mm²."""
+        """The modulus for contact with a rigid body, E/(1-ν²), N/mm²."""
         return 2.0 * self.G / (1.0 - self.nu)
 
     def __repr__(self) -> str:
@@ -139,17 +139,17 @@ class CombinedMaterial:
     Attributes
     ----------
     G, nu : float
-        Shear modulus (N/mm²) and Poisson's ratio of two equal bodies that displace as much.
+        Shear modulus (N/mm²) and Poisson's ratio of two equal bodies with the same displacements.
     difference : float
-        The `difference_parameter`: it couples the normal and the tangential problem.
+        The `difference_parameter`, which couples the normal and the tangential problem.
     bodies : (Material, Material) or None
-        The first and the second, where they are known: each has stresses of its own.
+        The first and the second body, if they are known; needed for stresses.
     E_star : float
-        Modulus of the normal contact, G/(1-ν), N/mm²: 1/E* is the sum of both bodies'.
+        Modulus of normal contact, G/(1-ν), N/mm²; 1/E* = 1/E₁* + 1/E₂*.
 
     See Also
     --------
-    combined_material : makes it.
+    combined_material : combines two materials.
     """
 
     G: float
@@ -185,25 +185,24 @@ def combined_material(first: Material, second: Material) -> CombinedMaterial:
     Returns
     -------
     CombinedMaterial
-        1/G = ½ (1/G₁ + 1/G₂), ν/G = ½ (ν₁/G₁ + ν₂/G₂), of equal bodies theirs; and the
-        `difference_parameter`.
+        1/G = ½ (1/G₁ + 1/G₂) and ν/G = ½ (ν₁/G₁ + ν₂/G₂), and the `difference_parameter`.
 
     Raises
     ------
     ValueError
-        For two rigid bodies.
+        If both bodies are rigid.
     TypeError
-        For what is not a `Material`.
+        If an argument is not a `Material`.
 
     See Also
     --------
-    CombinedMaterial : what it returns.
-    difference_parameter : how unlike two bodies are.
+    CombinedMaterial : the result.
+    difference_parameter : the coupling of unlike bodies.
 
     Notes
     -----
-    Normal and tangential problems of different materials are coupled besides, in proportion to
-    their `difference_parameter`, by `influence_xz` and `influence_yz`.
+    If the materials differ, the normal and the tangential problem are also coupled, in proportion
+    to their `difference_parameter`, by `influence_xz` and `influence_yz`.
 
     Examples
     --------
@@ -237,18 +236,18 @@ def difference_parameter(first: Material, second: Material) -> float:
     Returns
     -------
     float
-        K = ¼ G ((1-2ν₁)/G₁ - (1-2ν₂)/G₂), with the G of `combined_material`. Zero where the
-        materials are equal, or both incompressible; of the other sign where they change places.
+        K = ¼ G ((1-2ν₁)/G₁ - (1-2ν₂)/G₂), with the G of `combined_material`. It is zero if the
+        materials are equal, or both incompressible; exchanging the bodies changes its sign.
 
     Raises
     ------
     ValueError, TypeError
-        For bodies that `combined_material` refuses.
+        As for `combined_material`.
 
     See Also
     --------
     combined_material : the constants of two bodies.
-    influence_matrix : where it enters.
+    influence_matrix : the matrix of both problems.
 
     Examples
     --------

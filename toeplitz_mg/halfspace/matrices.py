@@ -26,40 +26,41 @@ def influence_matrix(
     reference: float | None = None,
     ahead: int = 0,
 ) -> ToeplitzOperator | CoupledOperator:
-    """Return the matrix of the displacements of a surface by the tractions on it.
+    """Return the matrix that maps tractions on a surface to its displacements.
 
     Parameters
     ----------
     directions : str
-        Of the displacements and the tractions: one or several of x, y and z, in this order. "z" is
-        normal contact, "xy" the tangential problem, "xyz" both, coupled where the bodies differ.
+        Directions of the displacements and tractions: one or several of x, y and z, in this order.
+        "z" is normal contact, "xy" the tangential problem, "xyz" both, coupled if the bodies
+        differ.
     grid_shape : (int, int) or (int,)
-        n₁ × n₂ elements; n₁ strips across x.
+        n₁ × n₂ elements, or n₁ strips side by side along x.
     element : (float, float) or (float,)
-        Size h₁ × h₂ of an element, mm; of strips their width and length, or their width where they
-        are of infinite length, which is plane strain.
+        Size h₁ × h₂ of an element, mm. For strips, width and length, or the width only for strips
+        of infinite length (plane strain).
     material : Material or (Material, Material)
-        Of both bodies, or of the first and the second.
+        The material of both bodies, or those of the first and the second.
     reference : float, optional
-        In plane strain, the distance at which a line load moves nothing, mm; the length of the
-        grid by default.
+        In plane strain, the distance at which a line load causes no displacement, mm; by default
+        the length of the grid.
     ahead : int, optional
-        The displacements are those so many elements further along x, at least 0.
+        Return the displacements at points that lie this number of elements further along x.
 
     Returns
     -------
     ToeplitzOperator
-        Of one direction; vectors are fields flattened in C order, mm per N/mm².
+        For one direction. Vectors are fields flattened in C order; entries are mm per N/mm².
     CoupledOperator
-        Of several directions; vectors have the components one after the other.
+        For several directions. Vectors have one component after the other.
 
     Raises
     ------
     ValueError
-        For directions, a grid, an element or a material that there is none of, and for z with
-        other directions in plane strain.
+        If the directions, the grid, the element or the material are not valid, or if z is combined
+        with other directions in plane strain.
     TypeError
-        For what is no number, and no `Material`.
+        If an argument is not a number, or not a `Material`.
 
     See Also
     --------
@@ -67,7 +68,7 @@ def influence_matrix(
 
     Notes
     -----
-    Each kernel is even or odd in x and in y, so that it is evaluated in one quadrant.
+    Each kernel is even or odd in x and in y, so it is evaluated in one quadrant only.
 
     Examples
     --------

@@ -195,7 +195,7 @@ def periodic_eigenvalues(
     G: float,
     nu: float,
 ) -> Array:
-    """Return the displacements by waves on a surface that repeats along all axes.
+    """Return the eigenvalues of the displacements on a surface that is periodic along all axes.
 
     Parameters
     ----------

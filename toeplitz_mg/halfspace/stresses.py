@@ -48,31 +48,31 @@ def stresses_z(
     Parameters
     ----------
     x, y, z : array_like
-        Points relative to the element's centre, mm, z ≥ 0 the depth; broadcast.
+        Points relative to the centre of the element, mm, with the depth z ≥ 0; they broadcast.
     element : (float, float)
-        Its size h₁ × h₂, mm; any ratio.
+        Element size h₁ × h₂, mm, of any ratio.
     nu : float
-        Poisson's ratio of the body. Its modulus is of no importance.
+        Poisson's ratio of the body. The stresses do not depend on its modulus.
 
     Returns
     -------
     ndarray of float64, of shape (6, ...)
-        The components xx, yy, zz, yz, xz and xy over the pressure; tension is positive. The error
-        is some 1e-16, relative to the pressure. Where a stress jumps, on the edges at the surface,
-        it is the mean of both sides. The component xy is infinite in the corners.
+        The components xx, yy, zz, yz, xz and xy divided by the pressure; tension is positive. The
+        error is some 1e-16. Where a stress jumps (at the edges on the surface), the mean of both
+        sides is returned. The component xy is infinite at the corners.
 
     Raises
     ------
     ValueError
-        For an element that is not positive, a Poisson's ratio outside (-1, 0.5], points that are
-        not finite, or above the surface, or whose shapes do not broadcast.
+        If an element size is not positive, Poisson's ratio is outside (-1, 0.5], or points are not
+        finite, lie above the surface, or have shapes that do not broadcast.
     TypeError
-        For what is no real number.
+        If an argument is not a real number.
 
     See Also
     --------
-    stresses_x, stresses_y : by tangential tractions.
-    toeplitz_mg.contact.subsurface_stresses : of two bodies in contact.
+    stresses_x, stresses_y : stresses by tangential tractions.
+    toeplitz_mg.contact.subsurface_stresses : stresses below a computed contact.
 
     Examples
     --------
@@ -90,13 +90,13 @@ def stresses_x(
 ) -> Array:
     """Return the stresses by a unit traction along x on an element (Cerruti).
 
-    Arguments and result are those of `stresses_z`. On the edges at the surface the components along
-    it are infinite: xx on those across x, yy there too unless ν is zero, xy on those along x.
+    Arguments and result are those of `stresses_z`. On the edges at the surface some components are
+    infinite: xx, and yy unless ν is zero, on the edges across x; xy on the edges along x.
 
     See Also
     --------
-    stresses_y : by a traction along y.
-    stresses_z : by a pressure.
+    stresses_y : stresses by a traction along y.
+    stresses_z : stresses by a pressure.
 
     Examples
     --------
@@ -118,8 +118,8 @@ def stresses_y(
 
     See Also
     --------
-    stresses_x : by a traction along x.
-    stresses_z : by a pressure.
+    stresses_x : stresses by a traction along x.
+    stresses_z : stresses by a pressure.
 
     Examples
     --------
@@ -131,26 +131,26 @@ def stresses_y(
 
 
 def line_stresses_z(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
-    """Return the stresses of plane strain by a unit pressure on a strip of infinite length.
+    """Return the plane-strain stresses by a unit pressure on an infinitely long strip.
 
     Parameters
     ----------
     x, z : array_like
-        Points relative to the middle of the strip, mm, z ≥ 0 the depth; broadcast.
+        Points relative to the middle of the strip, mm, with the depth z ≥ 0; they broadcast.
     h : float
         Width of the strip, mm.
     nu : float
-        Poisson's ratio of the body: it decides about yy alone.
+        Poisson's ratio of the body, which affects yy only.
 
     Returns
     -------
     ndarray of float64, of shape (6, ...)
-        As `stresses_z` returns it; yz and xy are zero.
+        As for `stresses_z`; yz and xy are zero.
 
     See Also
     --------
-    line_stresses_x : by a traction along x.
-    stresses_z : by a rectangle.
+    line_stresses_x : stresses by a traction along x.
+    stresses_z : stresses by a rectangle.
 
     Examples
     --------
@@ -162,15 +162,15 @@ def line_stresses_z(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
 
 
 def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
-    """Return the stresses of plane strain by a unit traction across a strip of infinite length.
+    """Return the plane-strain stresses by a unit traction across an infinitely long strip.
 
     Arguments and result are those of `line_stresses_z`; xx and yy are infinite on the edges.
 
     See Also
     --------
-    line_stresses_y : by a traction along the strip.
-    line_stresses_z : by a pressure.
-    stresses_x : by a rectangle.
+    line_stresses_y : stresses by a traction along the strip.
+    line_stresses_z : stresses by a pressure.
+    stresses_x : stresses by a rectangle.
 
     Examples
     --------
@@ -182,15 +182,15 @@ def line_stresses_x(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
 
 
 def line_stresses_y(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array:
-    """Return the antiplane stresses by a unit traction along a strip of infinite length.
+    """Return the antiplane stresses by a unit traction along an infinitely long strip.
 
     Arguments and result are those of `line_stresses_z`. Only yz and xy are not zero, and xy is
     infinite on the edges; no stress depends on Poisson's ratio.
 
     See Also
     --------
-    line_stresses_x : by a traction across the strip.
-    stresses_y : by a rectangle.
+    line_stresses_x : stresses by a traction across the strip.
+    stresses_y : stresses by a rectangle.
 
     Examples
     --------

@@ -60,23 +60,23 @@ def normal_contact(
     Parameters
     ----------
     gap : array_like of shape `slab.local`
-        This rank's rows of the gap, mm. They may come from a file that is mapped into memory.
+        This rank's rows of the gap, mm, for example from a memory-mapped file.
     slab : Slab
-        Of a grid of two axes.
+        The slab of a grid with two axes.
     element, material, **arguments
-        Those of `contact.normal_contact`: approach, force, tolerance, nested, max_products and
-        progress. They are the same on all ranks, but `progress`.
+        As for `contact.normal_contact`: approach, force, tolerance, nested, max_products and
+        progress. All but `progress` must be the same on all ranks.
 
     Returns
     -------
     NormalResult
-        Its fields have this rank's rows. The numbers are those of the whole contact, and the work
-        is that of all ranks, each of which does all that there is on coarser grids of few elements.
+        Its fields have this rank's rows. Numbers such as force and area are those of the whole
+        contact, and the work is that of all ranks.
 
     See Also
     --------
-    toeplitz_mg.contact.normal_contact : on one machine, also in line contact. What it warns of or
-        raises on one rank it does on all.
+    toeplitz_mg.contact.normal_contact : the function for one process. Warnings and errors of one
+        rank are raised on all.
 
     Examples
     --------

@@ -16,20 +16,20 @@ from toeplitz_mg.values import refuse_mixed
 
 
 class CoupledOperator(SlabOperator):
-    """A square array of Toeplitz matrices, between the components of a field on one grid.
+    """A matrix of Toeplitz blocks, which couple the components of a field on one grid.
 
     The vectors hold this rank's rows of one component after the other.
 
     Parameters
     ----------
     blocks : sequence of sequences of ToeplitzOperator or None
-        ``blocks[i][j]`` takes component j of the vector to component i of the result; None is
-        zero. All live on one slab.
+        ``blocks[i][j]`` maps component j of the vector to component i of the result; None is a zero
+        block. All blocks live on one slab.
 
     See Also
     --------
-    toeplitz_mg.CoupledOperator : on one machine. What it refuses on one rank all refuse; blocks
-        that are each other's transpose up to rounding are averaged, as there.
+    toeplitz_mg.CoupledOperator : the operator for one process. Errors of one rank are raised on
+        all.
     """
 
     def __init__(self, blocks: Sequence[Sequence[ToeplitzOperator | None]]) -> None:

@@ -25,15 +25,15 @@ from toeplitz_mg.whole_files import (
 
 
 def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
-    """Write a field to a ``.npy`` file, each rank its rows, on a disk that all of them see.
+    """Write a field to a ``.npy`` file, each rank its rows, on a disk that all ranks share.
 
-    The file is whole, or as it was.
+    The file is written completely, or left as it was.
 
     Parameters
     ----------
     path : str or PathLike
-        The same on all ranks. An old file is replaced when all have written; its rights stay, and a
-        link stays a link. ``np.load(path, mmap_mode="r")[slab.rows]`` reads it again.
+        The same on all ranks. An old file is replaced when all ranks have written; its permissions
+        are kept, and a link stays a link. Read it by ``np.load(path, mmap_mode="r")[slab.rows]``.
     x : array_like of shape ``slab.local``, or (components, ...) of that
         Of numbers.
     """

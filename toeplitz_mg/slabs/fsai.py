@@ -76,35 +76,35 @@ class SlabSparseInverse(SlabOperator):
 def fsai_preconditioner(
     A: Any, *, neighbours: int | None = None, dtype: DTypeLike | None = None
 ) -> SlabSparseInverse:
-    """Return a multilevel sparse approximate inverse of A, which does not mind fragmented areas.
+    """Return a multilevel sparse approximate inverse of A, efficient on fragmented masks.
 
-    It is that of `toeplitz_mg.fsai_preconditioner`, and exchanges some rows with the neighbours
-    where other preconditioners exchange the whole grid: some 0.2 bytes an unknown for 16 or 32.
+    It is that of `toeplitz_mg.fsai_preconditioner`. Neighbouring ranks exchange a few rows, while
+    the other preconditioners exchange the whole grid.
 
     Parameters
     ----------
     A : ToeplitzOperator or CoupledOperator of `toeplitz_mg.slabs`, or MaskedOperator of one
-        Symmetric positive definite, of one axis or two (with more than one element), and symmetric
-        along each of them.
+        Symmetric positive definite, of one or two axes (not counting axes of one element), and
+        symmetric along each of them.
     neighbours : int, optional
-        How many cells before its own a row of G sees, 1 to 100, the same on all ranks.
+        Number of preceding cells that a row of the factor G uses, 1 to 100, the same on all ranks.
     dtype : float32 or float64, optional
-        The precision in which it is kept and applied, that of `A` by default.
+        Precision in which it is stored and applied; by default that of `A`.
 
     Returns
     -------
     SlabSparseInverse
-        Of this rank's rows, symmetric positive definite, for `toeplitz_mg.cg`.
+        This rank's rows of a symmetric positive definite operator, for `toeplitz_mg.cg`.
 
     Raises
     ------
     numpy.linalg.LinAlgError, ValueError, TypeError
-        What `toeplitz_mg.fsai_preconditioner` refuses on one machine, on all ranks; and arrays of
-        other libraries than NumPy.
+        On all ranks, as for `toeplitz_mg.fsai_preconditioner`; also for arrays of other libraries
+        than NumPy.
 
     See Also
     --------
-    toeplitz_mg.fsai_preconditioner : when to take it, and how it is built.
+    toeplitz_mg.fsai_preconditioner : when to use it, and how it is built.
     """
     full = unwrap(A)
     slab, blocks = full.slab, full.blocks

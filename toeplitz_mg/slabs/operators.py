@@ -71,7 +71,7 @@ class SlabOperator:
         X : ndarray of shape (..., n)
             Real; n may be 0.
         out : ndarray of the shape of `X`, optional
-            Where the result is written. It may be `X`.
+            Array for the result. It may be `X`.
         """
         if out is None:
             out = self.library.allocate(X, self.dtype)
@@ -121,31 +121,30 @@ class SlabOperator:
 
 
 class ToeplitzOperator(SlabOperator):
-    """A real Toeplitz matrix of any number of axes, that multiplies by FFT.
+    """A real Toeplitz matrix of any number of axes, of which each rank has some rows.
 
     Parameters
     ----------
     c : array_like of shape ``slab.local``
-        This rank's rows of the first column: the coefficients of the lags that are not negative.
-        Of an array of CuPy, torch or JAX the transforms are those of that library, on the device
-        where it is.
+        This rank's rows of the first column: the coefficients of the nonnegative lags. For arrays
+        of CuPy, torch or JAX the transforms are made by that library, on the device of the array.
     slab : Slab
     parity : tuple of {1, -1}, optional
-        Whether the coefficients are even (1) or odd (-1) in each axis, as those of A_xy are odd in
-        both. All are even by default.
+        Whether the coefficients are even (1, the default) or odd (-1) in each axis; those of A_xy
+        are odd in both.
     behind : array_like of shape ``slab.local``, optional
-        This rank's rows of the coefficients of lags along the first axis that are not positive,
-        from 0 down, where they are neither even nor odd in it.
+        This rank's rows of the coefficients of the lags 0, -1, -2, … along the first axis, if they
+        are neither even nor odd in it.
 
     Raises
     ------
     ValueError, TypeError
-        On all ranks where `toeplitz_mg.ToeplitzOperator` refuses the coefficients of one, where
-        they have another shape than this rank's rows, or if the ranks differ about the matrix.
+        On all ranks, if `toeplitz_mg.ToeplitzOperator` refuses the coefficients of one rank, their
+        shape is not that of the rank's rows, or the ranks give different matrices.
 
     See Also
     --------
-    toeplitz_mg.ToeplitzOperator : on one machine, with the meaning of its attributes.
+    toeplitz_mg.ToeplitzOperator : the operator for one process; describes the attributes.
 
     Examples
     --------
@@ -237,14 +236,14 @@ class MaskedOperator(SlabOperator):
     Parameters
     ----------
     A : SlabOperator
-        On the whole grid.
+        An operator on the whole grid.
     mask : array_like of bool, of shape ``A.grid_shape``
-        True where there is an unknown; of coupled components one mask may do for all. It may be
-        nowhere true on some ranks.
+        True at the unknowns; for coupled components, one mask may serve all. Some ranks may have no
+        unknowns.
 
     See Also
     --------
-    toeplitz_mg.MaskedOperator : on one machine. What it refuses on one rank all refuse.
+    toeplitz_mg.MaskedOperator : the operator for one process. Errors of one rank are raised on all.
     """
 
     def __init__(self, A: Any, mask: ArrayLike) -> None:

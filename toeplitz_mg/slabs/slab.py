@@ -36,18 +36,18 @@ class Slab(Messages):
     Parameters
     ----------
     comm : mpi4py.MPI.Intracomm
-        As ``MPI.COMM_WORLD``.
+        For example ``MPI.COMM_WORLD``.
     shape : tuple of int
-        That of the whole grid: (n₁, n₂, ...), or (n,).
+        The shape of the whole grid: (n₁, n₂, ...), or (n,).
     unit : int, optional
-        Rows that stay together, by default so many that slabs of FSAI have whole cells on several
-        levels, and all ranks about as many rows.
+        Number of rows that stay together. The default suits the levels of FSAI and gives all ranks
+        about the same number of rows.
 
     Attributes
     ----------
     comm, shape, unit
     rows : slice
-        Those of this rank.
+        The rows of this rank.
     local : tuple of int
         The shape of this rank's part of the grid.
     starts : ndarray of int, of shape (ranks + 1,)
@@ -57,7 +57,7 @@ class Slab(Messages):
 
     See Also
     --------
-    ToeplitzOperator : a matrix whose rows are those of a slab.
+    ToeplitzOperator : a matrix distributed as a slab is.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class Slab(Messages):
         return slab
 
     def balanced(self, mask: Any) -> "Slab":
-        """Return a slab of the same grid whose ranks have about as many unknowns each.
+        """Return a slab of the same grid whose ranks have about equal numbers of unknowns.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class Slab(Messages):
         Returns
         -------
         Slab
-            Its rows are others: evaluate coefficients, and the mask, for those.
+            With other rows: evaluate the coefficients and the mask again for these.
 
         Examples
         --------
