@@ -44,22 +44,22 @@ NOT_DEFINITE = (
 def solve_block_toeplitz(
     c: ArrayLike, b: ArrayLike, *, rtol: float = 1e-12, full_output: bool = False
 ) -> Any:
-    """Solve A x = b for a block Toeplitz matrix, Hermitian positive definite.
+    """Solve A x = b for a Hermitian positive definite block Toeplitz matrix.
 
-    Such are the covariances of several channels: multichannel Wiener filters, vector
+    Covariance matrices of several channels have this form: multichannel Wiener filters, vector
     autoregressions, stereo echo cancellation.
 
     Parameters
     ----------
     c : array_like of shape (n, k, k)
-        First block column: the block in row i and column j is ``c[i - j]`` for i ≥ j, and the
-        conjugate transpose of ``c[j - i]`` above the diagonal. For channels y it is the mean of
-        y[t + l] y[t]ᴴ.
+        First block column. The block in row i and column j is ``c[i - j]`` for i ≥ j, and the
+        conjugate transpose of ``c[j - i]`` above the diagonal. For a vector-valued series y,
+        ``c[l]`` is the mean of y[t + l] y[t]ᴴ.
     b : array_like of shape (n, k) or (n, k, m)
     rtol : float
-        Where ‖b - A x‖ ≤ rtol ‖b‖ no correction is made.
+        A solution with ‖b - A x‖ ≤ rtol ‖b‖ is not corrected further.
     full_output : bool
-        Whether to return a `SolveInfo` too.
+        Whether to return a `SolveInfo` as well.
 
     Returns
     -------
@@ -70,29 +70,30 @@ def solve_block_toeplitz(
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite; or of more than 20,000 blocks so ill-conditioned that CG
-        does not converge.
+        If A is not positive definite, or has more than 20,000 blocks and is so ill-conditioned that
+        CG does not converge.
     TypeError, ValueError
-        For what is not finite numbers, shapes that do not match, a ``c[0]`` that is not Hermitian,
-        or an `rtol` that is not positive.
+        If arguments are not finite numbers, shapes do not match, ``c[0]`` is not Hermitian, or
+        `rtol` is not positive.
 
     Warns
     -----
     scipy.linalg.LinAlgWarning
-        Where the residual stays above 1e-8 ‖b‖: x may have few correct digits.
+        If the residual stays above 1e-8 ‖b‖: x may have few correct digits.
 
     See Also
     --------
     block_toeplitz_logdet : the log-determinant.
-    solve_toeplitz : one channel.
-    CoupledOperator : several axes, by iterations.
+    solve_toeplitz : for one channel.
+    CoupledOperator : for several axes, with iterative solvers.
 
     Notes
     -----
-    Up to 600 unknowns the matrix is factored. Up to 512 blocks the system is solved by the
-    recursion of Whittle, Wiggins and Robinson in channels that are orthonormal at lag zero, in
-    which it is backward stable, and one correction; beyond by conjugate gradients with T. Chan's
-    block circulant, or by the recursion where these do not converge within 100 iterations.
+    Up to 600 unknowns are solved by a dense factorisation. Up to 512 blocks are solved by the
+    recursion of Whittle, Wiggins and Robinson and one correction; the channels are first made
+    orthonormal at lag zero, which makes the recursion backward stable. Larger systems are solved by
+    conjugate gradients with T. Chan's block circulant, or by the recursion if these do not converge
+    within 100 iterations.
 
     Examples
     --------
@@ -131,7 +132,7 @@ def solve_block_toeplitz(
 
 
 def block_toeplitz_logdet(c: ArrayLike) -> float:
-    """Return log det A of a block Toeplitz matrix, Hermitian positive definite.
+    """Return log det A for a Hermitian positive definite block Toeplitz matrix.
 
     Parameters
     ----------
@@ -141,9 +142,9 @@ def block_toeplitz_logdet(c: ArrayLike) -> float:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite.
+        If A is not positive definite.
     TypeError, ValueError
-        As `solve_block_toeplitz`, and for more than 20,000 blocks.
+        As for `solve_block_toeplitz`, and for more than 20,000 blocks.
 
     See Also
     --------

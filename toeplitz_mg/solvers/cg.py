@@ -38,11 +38,11 @@ def cg(
     inner: Any = None,
     residuals: list[float] | None = None,
 ) -> tuple[Array, int]:
-    """Solve A x = b by conjugate gradients, and check the true residual.
+    """Solve A x = b by preconditioned conjugate gradients.
 
-    Drop-in for `scipy.sparse.linalg.cg`, with the same iterates. It makes one product more than
-    SciPy: the true residual, from which ``info = 0`` follows. Inner products neither over- nor
-    underflow, however large or small `b` is, and no vectors are allocated in an iteration.
+    Drop-in for `scipy.sparse.linalg.cg`, with the same iterates. In addition, the true residual is
+    checked before ``info = 0`` is returned, which takes one more product; inner products neither
+    over- nor underflow, however large or small `b` is; and iterations allocate no vectors.
 
     Parameters
     ----------
@@ -50,50 +50,50 @@ def cg(
         Symmetric positive definite, or Hermitian positive definite.
     b : array_like of shape (n,) or (n, 1)
     x0 : array_like of shape (n,) or (n, 1), or "Mb", optional
-        First guess, zero by default; "Mb" is ``M @ b``. It is not changed. A guess so large that
-        `b` underflows beside its residual is not taken.
+        Initial guess, by default zero; "Mb" stands for ``M @ b``. It is not changed. A guess whose
+        residual is so large that `b` underflows beside it is ignored.
     rtol, atol : float
-        It has converged where ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). Where the recurrence for the
-        residual is there, the true one is computed, in the precision of `A` and `b`; if that has
-        drifted from it by rounding, the iteration starts once more from there.
+        The iteration has converged if ‖b - A x‖₂ ≤ max(rtol ‖b‖₂, atol). When the recurrence for
+        the residual meets this, the true residual is computed in the precision of `A` and `b`. If
+        rounding has made it larger, the iteration is restarted from there.
     maxiter : int, optional
-        Most iterations, 10 n by default.
+        Maximum number of iterations, by default 10 n.
     M : array_like, sparse matrix or LinearOperator, optional
-        Approximate inverse of `A`, symmetric or Hermitian positive definite, also in float32. An
-        operator that is known not to be symmetric, as a V(0,1) cycle, is warned of.
+        Approximate inverse of `A`, Hermitian positive definite; it may be in single precision. An
+        operator known not to be symmetric, such as a V(0,1) cycle, causes a warning.
     callback : callable, optional
-        Called as ``callback(xk)`` with the iterate after each iteration. The array is used again:
-        copy what is to be kept.
+        Called as ``callback(xk)`` after each iteration. The array `xk` is reused: copy it to keep
+        it.
     inner : LinearOperator, optional
-        `A` in less precision, as ``A.astype(np.float32)``, in which the iteration then is; the
-        residual is computed anew with `A` whenever it may be wrong by 0.1 %, mostly two or three
-        times. It pays for condition numbers of some thousands, and not above 1e6. `M` had best be
-        in that precision too.
+        `A` in lower precision, for example ``A.astype(np.float32)``. The iteration then uses that
+        precision, and the residual is recomputed with `A` whenever it may be wrong by 0.1 %, mostly
+        two or three times. This pays for condition numbers of some thousands, but not above 1e6.
+        Preferably `M` has that precision too.
     residuals : list, optional
-        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, and loses what was
-        in it. All but the first and the last are norms of the recurrence.
+        Its contents are replaced by ‖b - A x‖₂ of the initial guess and after each iteration. All
+        but the first and the last are norms from the recurrence.
 
     Returns
     -------
     x : ndarray of shape (n,)
     info : int
-        0 where it has converged. Otherwise the iterations done (at least 1): they are used up; or
-        `A` or `M` is found not to be positive definite, or not to be finite; or `A` is too
-        ill-conditioned, or the tolerance too small, for this precision. `x` is then the last
+        0 if the iteration has converged, otherwise the number of iterations (at least 1). Reasons:
+        `maxiter` is reached; `A` or `M` is found not to be positive definite or not finite; `A` is
+        too ill-conditioned, or the tolerance too small, for this precision. `x` is then the last
         iterate.
 
     Raises
     ------
     ValueError
-        For shapes that do not match, numbers that are not finite, tolerances that are negative or
-        no numbers, or `maxiter` below 1.
+        If shapes do not match, numbers are not finite, a tolerance is negative or not a number, or
+        `maxiter` is below 1.
     TypeError
-        For arguments of another type, or numbers not in single or double precision.
+        If an argument has another type, or numbers are not in single or double precision.
 
     See Also
     --------
-    gmres : for a matrix that is not positive definite
-    richardson
+    gmres : for matrices that are not positive definite.
+    richardson : for preconditioners that are not symmetric.
 
     References
     ----------

@@ -16,53 +16,52 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     Parameters
     ----------
     c : array_like of shape (n,)
-        First column, real or complex, as in `scipy.linalg.toeplitz`: the matrix A is symmetric, or
-        Hermitian where c is complex and c[0] real.
+        First column, real or complex, as in `scipy.linalg.toeplitz`: A is symmetric, or Hermitian
+        if c is complex with a real c[0].
 
     Returns
     -------
     float
-        log det A, with a relative error of up to some 1e-12 where the condition number is up to
-        10⁷, and mostly beyond; but of a few sinusoids in noise, with more than 2048
-        unknowns, of up to some 1e-10. For an estimate of it see
-        `ToeplitzNormal.logdet_error`.
+        log det A, with a relative error of up to some 1e-12 for condition numbers up to 10⁷, and
+        mostly beyond (up to some 1e-10 for a few sinusoids in noise with more than 2048 unknowns).
+        `ToeplitzNormal.logdet_error` estimates the error.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite, exactly or in the arithmetic of float64. The message says
-        which leading block is not; a larger c[0], a nugget, makes any matrix positive definite.
+        If A is not positive definite, exactly or in float64. The message tells which leading block
+        is not. A larger c[0] (a nugget) makes any matrix positive definite.
     ValueError
-        For `c` with several axes, for which no exact way is known that is as fast; or numbers that
-        `ToeplitzOperator` refuses.
+        If `c` has several axes, for which no equally fast exact method is known, or has numbers
+        that `ToeplitzOperator` refuses.
 
     Warns
     -----
     scipy.linalg.LinAlgWarning
-        Where the estimated error is above 1e-10 n and 1e-10 of the result.
+        If the estimated error is above 1e-10 n and above 1e-10 of the result.
 
     See Also
     --------
-    reflection_coefficients : the partial autocorrelations of a process.
-    toeplitz_inverse : Its attributes `logdet` and `diagonal_sums` have this and the derivatives.
+    reflection_coefficients : the partial autocorrelations of a process. toeplitz_inverse : its
+    attributes `logdet` and `diagonal_sums` are log det A and its derivatives.
 
     Notes
     -----
     log det A is the sum of the logarithms of the prediction errors, which follow from the
-    reflection coefficients. Up to 512 unknowns these come from Levinson's recursion, if A is well
-    conditioned.
+    reflection coefficients. For up to 512 unknowns and a well-conditioned A these come from
+    Levinson's recursion.
 
-    The first column x of A⁻¹ is that of the autoregressive process whose covariances start as c:
-    ``e/|a|²`` with e = 1/x₀ and a = x/x₀ is its spectral density. Szegő's strong limit theorem,
-    which is exact for it, gives ``log det A = n log e + Σ k |ℓₖ|²`` with log a(z) = Σ ℓₖ zᵏ. That
-    series is computed from samples on the circle, from more where its last terms are not small.
-    Covariances of long memory have one real zero next to the circle, whose part of the series is
-    known. Where A is ill-conditioned x is corrected by residuals of more than double precision.
+    The first column x of A⁻¹ belongs to the autoregressive process whose covariances start with c:
+    its spectral density is ``e/|a|²`` with e = 1/x₀ and a = x/x₀. For this process Szegő's strong
+    limit theorem is exact: ``log det A = n log e + Σ k |ℓₖ|²`` with log a(z) = Σ ℓₖ zᵏ. The series
+    is computed from samples on the unit circle, as many as its last terms require. Covariances of
+    long memory have one real zero next to the circle, whose part of the series is known in closed
+    form. If A is ill-conditioned, x is corrected by residuals of more than double precision.
 
-    Where the series is too long the reflection coefficients are those of x, by Levinson's steps
-    backwards, in n² operations; of more than 2048 unknowns those of the superfast Schur
-    algorithm, at some 30 work units, or else a longer series is summed. Up to 2048 unknowns
-    Cholesky's factors are made where all of these leave an error above 1e-11.
+    If the series is too long, the reflection coefficients are computed from x by Levinson's
+    recursion backwards, in n² operations. With more than 2048 unknowns they come from the superfast
+    Schur algorithm, at some 30 work units, or a longer series is summed. Up to 2048 unknowns a
+    Cholesky factorisation is used if all of these leave an error above 1e-11.
 
     References
     ----------

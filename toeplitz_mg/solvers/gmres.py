@@ -36,57 +36,58 @@ def gmres(
     callback_type: str | None = None,
     residuals: list[float] | None = None,
 ) -> tuple[Array, int]:
-    """Solve A x = b by GMRES, for any matrix, as `scipy.sparse.linalg.gmres` does.
+    """Solve A x = b by GMRES, for any square matrix.
 
-    SciPy preconditions from the left, and so makes the residual least after the multiplication
-    with `M`. Here it is ‖b - A x‖₂ itself that is made least, in each iteration, and that says
-    when to stop.
+    Same arguments as `scipy.sparse.linalg.gmres`. SciPy preconditions from the left and minimises
+    the norm of the preconditioned residual. Here the preconditioner acts from the right: each
+    iteration minimises ‖b - A x‖₂ itself, which is also what the tolerance refers to.
 
     Parameters
     ----------
     A : array_like, sparse matrix or LinearOperator, of shape (n, n)
         Real or complex, symmetric or not.
     b, x0, rtol, atol
-        As in `cg`.
+        As for `cg`.
     restart : int, optional
-        Most iterations of a cycle, ``min(20, n)`` by default, after which the next one starts from
-        the residual. It keeps ``restart + 1`` vectors, and at most seven beside them: by default
-        28, of 224 MiB in 2^20 real unknowns.
+        Number of iterations in a cycle, by default ``min(20, n)``, after which the iteration is
+        restarted from the residual. ``restart + 1`` vectors are stored, and at most seven others:
+        by default 28, which are 224 MiB for 2^20 real unknowns.
     maxiter : int, optional
-        Most cycles, 10 n by default; with a callback of the type "legacy" most iterations.
+        Maximum number of cycles, by default 10 n; with a "legacy" callback, of iterations.
     M : array_like, sparse matrix or LinearOperator, optional
-        Approximate inverse of `A`, that need not be symmetric. It may be in less precision.
+        Approximate inverse of `A`; it need not be symmetric and may have lower precision.
     callback : callable, optional
     callback_type : {"x", "pr_norm", "legacy"}, optional
-        With "x" it is ``callback(xk)`` with the iterate after each cycle; with "pr_norm"
-        ``callback(norm)`` with ‖b - A x‖₂/‖b‖₂ after each iteration; "legacy" is the same, but
-        changes the meaning of `maxiter`. That is SciPy's default for a callback, with a warning.
+        "x": ``callback(xk)`` is called with the iterate after each cycle. "pr_norm":
+        ``callback(norm)`` is called with ‖b - A x‖₂/‖b‖₂ after each iteration. "legacy" does the
+        same, and `maxiter` then counts iterations; this is SciPy's default, with a warning.
     residuals : list, optional
-        As in `cg`; the norm at the end of each cycle is computed.
+        As for `cg`; the norm at the end of each cycle is that of the true residual.
 
     Returns
     -------
     x : ndarray of shape (n,)
     info : int
-        0 where it has converged. Otherwise how many have been done of what `maxiter` counts (at
-        least 1): they are used up; or a cycle has not reduced the residual, or ten cycles by less
-        than 0.1 % together, as with a singular matrix, near rounding, or with too short a cycle; or
-        `A` or `M` is found not to be finite. `x` is then the iterate of the least residual.
+        0 if the iteration has converged, otherwise the number of cycles or iterations, as `maxiter`
+        counts them (at least 1). Reasons: `maxiter` is reached; a cycle has not reduced the
+        residual, or ten cycles together by less than 0.1 % (a singular matrix, rounding errors, or
+        a small `restart`); `A` or `M` is found not to be finite. `x` is then the iterate with the
+        smallest residual.
 
     Raises
     ------
     ValueError, TypeError
-        As in `cg`, and for a `restart` below 1, or a `callback_type` that is none of these.
+        As for `cg`, and if `restart` is below 1 or `callback_type` is unknown.
 
     See Also
     --------
-    cg : for a symmetric or Hermitian positive definite matrix, in less memory
-    richardson
+    cg : for Hermitian positive definite matrices; needs less memory.
+    richardson : the stationary iteration with the same preconditioner.
 
     Notes
     -----
-    An iteration takes one product with `A` and one with `M`, and makes a vector orthogonal to all
-    others of the cycle. A cycle takes one product more with each of the two.
+    An iteration takes one product with `A` and one with `M`, and orthogonalises a vector against
+    all others of the cycle. Each cycle takes one more product with each of the two.
 
     References
     ----------

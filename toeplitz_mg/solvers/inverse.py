@@ -34,22 +34,22 @@ class ToeplitzInverse(GridOperator):
     ----------
     A : ToeplitzOperator
     G : GohbergSemencul
-        The inverse by the formula alone.
+        The inverse by the formula, without refinement.
     steps : int
-        Steps of iterative refinement in each product.
+        Number of steps of iterative refinement in each product.
     residual : float
-        ‖v - A A⁻¹v‖/‖v‖ for some vector v.
+        ‖v - A A⁻¹v‖/‖v‖, measured with one vector v.
     logdet, logdet_error : float
-        The logarithm of det A, of a positive definite A, and an estimate of its error.
+        log det A and an estimate of its error, for a positive definite A.
     diagonal_sums : ndarray of shape (n,)
-        The sums of the diagonals of A⁻¹, of a positive definite A.
+        The sums of the diagonals of A⁻¹, for a positive definite A.
     refined : ToeplitzInverse
-        The inverse with one step of refinement more.
+        The inverse with one more step of refinement.
 
     See Also
     --------
-    toeplitz_inverse : makes it.
-    toeplitz_logdet : the determinant alone.
+    toeplitz_inverse : computes it.
+    toeplitz_logdet : the log-determinant only.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class ToeplitzInverse(GridOperator):
     def diagonal_sums(self) -> Array:
         """Σ_i (A⁻¹)_(i,i+k), k = 0 … n - 1, shape (n,), of a positive definite A.
 
-        Of a real A they are the derivatives of log det A: by c[0] the first of them, and by c[k]
+        For a real A they are the derivatives of log det A: by c[0] the first of them, and by c[k]
         twice the one of k. The derivative by any parameter of c is their inner product with that of
         c. They cost some three work units.
         """
@@ -132,56 +132,54 @@ class ToeplitzInverse(GridOperator):
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # It is seen in the residual.
 def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> ToeplitzInverse:
-    """Return A⁻¹ as an operator, by the Gohberg-Semencul formula.
+    """Return A⁻¹ as an operator, by the Gohberg–Semencul formula.
 
     Parameters
     ----------
     A : ToeplitzOperator
-        Of one axis with more than one element: positive definite, if it is symmetric or Hermitian;
-        else with a symbol that has Wiener-Hopf factors, as `spectral_preconditioner` needs it.
+        Of one axis (other axes may have one element). Any Hermitian positive definite matrix, or a
+        general one whose symbol has Wiener–Hopf factors (see `spectral_preconditioner`).
     rtol : float, optional
-        The relative residual ‖b - A x‖/‖b‖ that x = A⁻¹ b is to have; by default 1e-10, and in
-        single precision 1e-3.
+        Required relative residual ‖b - A x‖/‖b‖ of x = A⁻¹ b; by default 1e-10, and 1e-3 in single
+        precision.
 
     Returns
     -------
     ToeplitzInverse
-        An operator of the shape and dtype of `A`, symmetric or Hermitian where that is. A product,
-        with one vector or many, costs two work units. Its attribute `residual` is what
-        was measured; `refined` is the operator with a step of iterative refinement more.
+        An operator with the shape and dtype of `A`, Hermitian if `A` is. A product costs two work
+        units a vector. Its attribute `residual` is the residual as measured; `refined` is the
+        operator with one more step of iterative refinement.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the residual measured is above `rtol`, also after one step of refinement: the matrix
-        is not positive definite, or too ill-conditioned for what was asked. Where the symbol of a
-        matrix that is not Hermitian, of more than 256 unknowns, has no factors, or these are no
-        use with so few unknowns.
+        If the measured residual is above `rtol` even after one step of refinement: the matrix is
+        not positive definite, or too ill-conditioned for this tolerance. Also if the symbol of a
+        matrix that is not Hermitian (with more than 256 unknowns) has no factors, or n is too small
+        for them to be useful.
     ValueError
-        Where `A` has several axes; where `rtol` is not positive; where the coefficients are of a
-        size below 1e-100 or above 1e100.
+        If `A` has several axes, `rtol` is not positive, or the coefficients are below 1e-100 or
+        above 1e100 in size.
     TypeError
-        Where `A` is no ToeplitzOperator.
+        If `A` is not a ToeplitzOperator.
 
     See Also
     --------
     solve_toeplitz : for a few right-hand sides.
-    spectral_preconditioner : approximately.
-    toeplitz_logdet : the determinant.
+    spectral_preconditioner : an approximate inverse, with a shorter set-up.
+    toeplitz_logdet : the log-determinant.
 
     Notes
     -----
-    The first column x = A⁻¹ e₁ is solved for by CG to 1e-6, in the domain of the cosine transform,
-    or with `fsai_preconditioner` where the coefficients decay slowly; or it is that of the factor
-    of the symbol, or else of the Schur algorithm. It is then corrected by the inverse that it gives
-    until its residual is 1e-12, or rounding, or decreases no more: by Newton's method, in one to
-    five steps. So is the first row of a matrix that is not symmetric.
-
-    Of arrays of another library than NumPy's the column is found on the processor, and products are
-    made where the arrays are.
-
-    Where the formula alone does not meet `rtol` and one step of refinement does, the refined
+    The first column x = A⁻¹ e₁ is computed to about 1e-6 by CG, with cosine transforms or with
+    `fsai_preconditioner` if the coefficients decay slowly; or from the factors of the symbol; or by
+    the Schur algorithm. Newton's method then corrects it, in one to five steps, until its residual
+    is 1e-12 or no longer decreases. The first row of a matrix that is not symmetric is computed in
+    the same way. If the formula does not meet `rtol` but one step of refinement does, the refined
     operator is returned.
+
+    For arrays of other libraries than NumPy the column is computed on the processor, and products
+    are made by that library.
 
     References
     ----------

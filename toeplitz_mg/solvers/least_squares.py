@@ -28,7 +28,7 @@ LEAST_GAIN = 0.5  # Largest quotient of two residuals for which another correcti
 
 
 class LeastSquaresInfo(NamedTuple):
-    """What `toeplitz_lstsq` did.
+    """Method, iterations and accuracy of a least-squares solution by `toeplitz_lstsq`.
 
     Attributes
     ----------
@@ -37,13 +37,14 @@ class LeastSquaresInfo(NamedTuple):
     residual : float
         ‖b - A x‖.
     error : float
-        What the tolerance is for: with r = b - A x and R = (‖r‖² + damp² ‖x‖²)^½ the lesser of
-        ‖Aᴴ r - damp² x‖ / (‖A‖ R) and R / ‖b‖, as `scipy.sparse.linalg.lsqr` has them. Then x
-        minimises for a matrix, or a right-hand side, that differs by so much in proportion.
+        The backward error, which `rtol` bounds. With r = b - A x and R = (‖r‖² + damp² ‖x‖²)^½ it
+        is the smaller of ‖Aᴴ r - damp² x‖ / (‖A‖ R) and R / ‖b‖, as in `scipy.sparse.linalg.lsqr`:
+        x is the exact solution for a matrix or a right-hand side with a relative change of this
+        size.
 
     See Also
     --------
-    toeplitz_lstsq : returns it.
+    toeplitz_lstsq : returns it with ``full_output=True``.
     """
 
     method: str
@@ -64,9 +65,9 @@ def toeplitz_lstsq(
 ) -> Any:
     """Minimise ‖A x - b‖² + damp² ‖x‖² for a Toeplitz matrix A, rectangular or square.
 
-    Deconvolution, the identification of filters and linear prediction are such problems. On one
-    axis a full or a valid convolution takes one solve with a Toeplitz matrix; others take
-    conjugate gradients, preconditioned by the Toeplitz matrix that is closest.
+    Use it for deconvolution, filter identification and linear prediction. On one axis, full and
+    valid convolutions take one solve with a Toeplitz matrix. Other problems are solved by conjugate
+    gradients with a Toeplitz preconditioner.
 
     Parameters
     ----------
@@ -76,51 +77,51 @@ def toeplitz_lstsq(
     damp : float
         Regularisation as in `scipy.sparse.linalg.lsqr`.
     rtol : float
-        It has converged where the `error` of `LeastSquaresInfo` is not above that. The error of x
-        is then at most some rtol times the condition number of A, and times its square where the
-        residual is as large as b.
+        Tolerance for the backward error (`LeastSquaresInfo.error`). The relative error of x is then
+        about `rtol` times the condition number of A, or times its square if the residual is as
+        large as b.
     maxiter : int, optional
-        Most iterations of one solve with the normal equations, 10 n by default.
+        Maximum number of iterations in one solve of the normal equations, by default 10 n.
     M : LinearOperator, optional
-        Approximate inverse of ``A.H @ A + damp**2 * I``, in the place of the package's.
+        Approximate inverse of ``A.H @ A + damp**2 * I``; by default one is selected.
     full_output : bool
-        Whether to return a `LeastSquaresInfo` too.
+        Whether to return a `LeastSquaresInfo` as well.
 
     Returns
     -------
     x : ndarray of shape (n,) or (n, k)
-        Where there are several minimisers, as with fewer rows than columns and without `damp`, of
-        a valid convolution that of least norm.
+        A minimiser. If it is not unique (fewer rows than columns, no `damp`), a valid convolution
+        returns the one with the smallest norm.
     info : LeastSquaresInfo
-        Only with `full_output`; of several right-hand sides the largest numbers.
+        Only with `full_output`; for several right-hand sides, the largest numbers.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where x is beyond the largest number of its precision.
+        If x overflows.
     TypeError
-        Where `A` is no Toeplitz matrix, or `b` not of numbers.
+        If `A` is not a Toeplitz matrix, or `b` has no numbers.
     ValueError
-        For shapes that do not match, numbers that are not finite, or a `damp`, `rtol` or `maxiter`
-        that is negative.
+        If shapes do not match, numbers are not finite, or `damp`, `rtol` or `maxiter` is negative.
 
     Warns
     -----
     scipy.linalg.LinAlgWarning
-        Where it has not converged: A is too ill-conditioned for `rtol`, or `maxiter` too small.
+        If the iteration has not converged: A is too ill-conditioned for `rtol`, or `maxiter` is too
+        small.
 
     See Also
     --------
     scipy.sparse.linalg.lsqr : for any operator, without a preconditioner.
-    RightPreconditioned : an operator for it.
-    solve_toeplitz : for square matrices.
+    RightPreconditioned : adds a preconditioner to `lsqr`.
+    solve_toeplitz : for square systems.
 
     Notes
     -----
-    AᴴA is a Toeplitz matrix where A has all rows of a full convolution, and AAᴴ is where it has all
-    columns, as a valid one. Then that system is solved, and in the second case x = Aᴴy. Elsewhere
-    the preconditioner is that of the matrix that AᴴA would be with all rows. The residual is
-    computed with A itself, and x corrected by it until the tolerance is met.
+    AᴴA is a Toeplitz matrix if A is a full convolution, and AAᴴ is if A is a valid one: the system
+    with that matrix is solved, in the second case for y with x = Aᴴy. Otherwise the preconditioner
+    is made for the Toeplitz matrix that AᴴA would be with all rows of the full convolution. The
+    residual is computed with A itself, and x is corrected until the tolerance is met.
 
     Examples
     --------
@@ -259,29 +260,29 @@ def precondition(A: Any) -> LinearOperator | None:
 
 
 class RightPreconditioned(LinearOperator):
-    """The matrix [A R; damp R], which preconditions `scipy.sparse.linalg.lsqr` and `lsmr`.
+    """The matrix [A R; damp R]: a right preconditioner for `scipy.sparse.linalg.lsqr` and `lsmr`.
 
-    With R the problem min ‖A x - b‖² + damp² ‖x‖² becomes min ‖[A R; damp R] y - [b; 0]‖², x = R y.
-    SciPy's own `damp` would stand for damp² ‖y‖², which is another problem.
+    The problem min ‖A x - b‖² + damp² ‖x‖² becomes min ‖[A R; damp R] y - [b; 0]‖² with x = R y. Do
+    not use SciPy's own `damp`, which would add damp² ‖y‖² instead.
 
     Parameters
     ----------
     A : LinearOperator of shape (m, n)
     M : DiagonalisedOperator of shape (n, n)
-        Approximate inverse of ``A.H @ A + damp**2 * I``, as `cosine_preconditioner`,
-        `chan_preconditioner` and `fft_preconditioner` make one; R is its square root.
+        Approximate inverse of ``A.H @ A + damp**2 * I``, made by `cosine_preconditioner`,
+        `chan_preconditioner` or `fft_preconditioner`; R is its square root.
     damp : float
 
     Raises
     ------
     TypeError
-        Where `M` has no square root at hand.
+        If `M` is not such an operator, whose square root is known.
     ValueError
-        For shapes that do not match, a negative `damp`, or an `M` that is not positive definite.
+        If shapes do not match, `damp` is negative, or `M` is not positive definite.
 
     See Also
     --------
-    toeplitz_lstsq : solves the problem itself.
+    toeplitz_lstsq : solves the problem directly.
 
     Examples
     --------

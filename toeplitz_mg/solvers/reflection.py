@@ -29,33 +29,33 @@ def reflection_coefficients(c: ArrayLike) -> Array:
     Parameters
     ----------
     c : array_like of shape (n,)
-        First column, real or complex, as in `scipy.linalg.toeplitz`: the matrix A is symmetric, or
-        Hermitian where c is complex and c[0] real.
+        First column, real or complex, as in `scipy.linalg.toeplitz`: A is symmetric, or Hermitian
+        if c is complex with a real c[0].
 
     Returns
     -------
     ndarray of shape (n - 1,)
-        Number k - 1 is the last coefficient of the best linear prediction from k values, the last
-        number of φ in ``toeplitz(c[:k]) @ φ = c[1:k+1]``. All are smaller than 1 in modulus.
+        Entry k - 1 is the last coefficient of the best linear prediction from k values, that is the
+        last entry of φ in ``toeplitz(c[:k]) @ φ = c[1:k+1]``. All are below 1 in absolute value.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite, exactly or in the arithmetic of float64. The message says
-        which leading block is not.
+        If A is not positive definite, exactly or in float64. The message tells which leading block
+        is not.
     ValueError
-        For `c` with several axes, or numbers that `ToeplitzOperator` refuses.
+        If `c` has several axes, or numbers that `ToeplitzOperator` refuses.
 
     See Also
     --------
     toeplitz_logdet : ``n log c[0] + Σ (n - k) log(1 - |γₖ|²)``, if γₖ are these.
-    ToeplitzNormal : the process.
+    ToeplitzNormal : the normal distribution with this covariance matrix.
 
     Notes
     -----
-    Up to 2048 unknowns by Levinson's recursion as SciPy has compiled it, in n² steps; beyond by the
-    superfast Schur algorithm, in O(n log² n). An order from which on they are zero is that of an
-    autoregressive process.
+    Up to 2048 unknowns they are computed by Levinson's recursion, in n² operations; beyond by the
+    superfast Schur algorithm, in O(n log² n). For an autoregressive process of order p they vanish
+    beyond the first p.
 
     References
     ----------

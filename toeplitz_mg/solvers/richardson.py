@@ -26,7 +26,7 @@ def richardson(
     callback: Callable[[Array], object] | None = None,
     residuals: list[float] | None = None,
 ) -> tuple[Array, int]:
-    """Solve A x = b by x ← x + M (b - A x) (paper, Eq. 11).
+    """Solve A x = b by Richardson's iteration, x ← x + M (b - A x) (paper, Eq. 11).
 
     With ``M=fft_rsm_preconditioner(A)`` it is the paper's FFT+RSM solver (§5.3), with
     ``M=multigrid(A)`` the multigrid solver (§5.2).
@@ -35,28 +35,27 @@ def richardson(
     ----------
     A : array_like, sparse matrix or LinearOperator, of shape (n, n)
     b, x0, rtol, atol, callback
-        As in `cg`.
+        As for `cg`.
     maxiter : int, optional
-        Most iterations, 10 n by default.
+        Maximum number of iterations, by default 10 n.
     M : array_like, sparse matrix or LinearOperator, optional
-        Approximate inverse of `A`. The iteration converges where ρ(I - M A) < 1; it need not be
-        symmetric.
+        Approximate inverse of `A`; it need not be symmetric. The iteration converges for every
+        right-hand side if ρ(I - M A) < 1.
     residuals : list, optional
-        It is filled with ‖b - A x‖₂ of the first guess and after each iteration, and loses what was
-        in it.
+        Its contents are replaced by ‖b - A x‖₂ of the initial guess and after each iteration.
 
     Returns
     -------
     x : ndarray of shape (n,)
     info : int
-        0 where it has converged. Otherwise the iterations done (at least 1): they are used up, or
-        the iteration diverges (the residual is not finite or has grown by 1/eps), or it stagnates
-        (no smaller residual in 100 iterations). `x` is then the last iterate.
+        0 if the iteration has converged, otherwise the number of iterations (at least 1). Reasons:
+        `maxiter` is reached; the iteration diverges (the residual is not finite or has grown by
+        1/eps) or stagnates (no smaller residual in 100 iterations). `x` is then the last iterate.
 
     Raises
     ------
     ValueError, TypeError
-        As in `cg`.
+        As for `cg`.
 
     See Also
     --------
@@ -64,9 +63,8 @@ def richardson(
 
     Notes
     -----
-    The residual is the true one in every iteration, and serves the stopping test as well as the
-    next correction: one product with `A` and one with `M` an iteration. From a zero guess the
-    first residual is `b` and costs none.
+    An iteration takes one product with `A` and one with `M`: the true residual serves both the
+    stopping test and the next correction. With a zero guess the first residual is `b`.
 
     Examples
     --------

@@ -24,23 +24,21 @@ MOST = 4  # Corrections, beyond which another method is tried: each takes as lon
 
 
 class SolveInfo(NamedTuple):
-    """How `solve_toeplitz` has solved a system; of a batch each field is an array of its shape.
+    """Method and accuracy of a solution by `solve_toeplitz`; for a batch, fields are arrays.
 
     Attributes
     ----------
     method : str
     iterations : int
-        Iterations, the most of all columns; or solves by a direct method.
+        Number of iterations, or of solves by a direct method; the maximum over all columns.
     residual : float
-        The largest ‖b - A x‖/‖b‖ of all columns, as measured; but at least ε ‖a‖₂ ‖x‖/‖b‖, with a
-        the 2n - 1 coefficients, and of more than 512 unknowns twice that. That is the size of the
-        rounding of A x, and what is measured may be less by chance. So it is not less than half of
-        the truth.
+        ‖b - A x‖/‖b‖ as measured, the maximum over all columns. It is at least ε ‖a‖₂ ‖x‖/‖b‖
+        (twice that for more than 512 unknowns), where a are the 2n - 1 coefficients: this is the
+        rounding error of A x, below which a measured residual may fall by chance.
     backward_error : float
-        The largest ‖b - A x‖/(‖a‖₁ ‖x‖ + ‖b‖) of all columns, in 2-norms. ‖a‖₁, the sum of the
-        absolute values of all coefficients, is an upper bound of ‖A‖₂: x solves a system that
-        differs from this one by so much in proportion to ‖a‖₁ and ‖b‖. In proportion to ‖A‖₂
-        itself it may be more, by up to ‖a‖₁/‖A‖₂.
+        ‖b - A x‖/(‖a‖₁ ‖x‖ + ‖b‖) in 2-norms, the maximum over all columns. ‖a‖₁, the sum of the
+        absolute values of all coefficients, is an upper bound of ‖A‖₂: x is the exact solution of a
+        system with changes of this size relative to ‖a‖₁ and ‖b‖.
 
     See Also
     --------

@@ -65,78 +65,77 @@ def solve_toeplitz(
     on_singular: Literal["raise", "nan"] = "raise",
     full_output: bool = False,
 ) -> Array | tuple[Array, SolveInfo]:
-    """Solve A x = b for a Toeplitz matrix A: the drop-in for `scipy.linalg.solve_toeplitz`.
+    """Solve A x = b for a Toeplitz matrix A: drop-in for `scipy.linalg.solve_toeplitz`.
 
-    A large system takes O(n log n) operations in the place of O(n²), whether the matrix is
-    symmetric or not, real or complex, definite or not, if its coefficients are those of a symbol
-    that n of them resolve; and O(n log² n) where it is positive definite. Others are solved by a
-    recursion of n² steps, and small ones as SciPy does.
+    Large systems take O(n log n) operations instead of O(n²) if n coefficients resolve the symbol
+    of A, whether A is symmetric or not, real or complex, definite or not. Other positive definite
+    systems take O(n log² n). What remains is solved by a recursion of n² steps, and small systems
+    as in SciPy.
 
     Parameters
     ----------
     c_or_cr : array_like of shape (..., n), or tuple (c, r) of such
-        First column, or first column and first row; r[0] is ignored. With a tuple the matrix is
-        symmetric where r equals c but for that entry. Leading dimensions are a batch, as in SciPy.
+        First column, or first column and first row; r[0] is ignored. Without r the first row is the
+        conjugate of c. Leading dimensions are a batch, as in SciPy.
     b : array_like of shape (n,) or (..., n, k)
     check_finite : bool
-        Whether to look for numbers that are not finite; the solution for them is not a number.
+        Whether to check for NaN and infinities. If false, their solution is NaN.
     rtol : float, optional
-        Where ‖b - A x‖ ≤ rtol ‖b‖ the system is solved; where rounding does not allow that, the
-        backward error is to be that of a direct method. By default it is 1e-12, but for up to 2047
-        unknowns of which A is not symmetric and positive definite: what SciPy's recursion gives
-        there, mostly to some 1e-9, is left as it is where its backward error, in proportion to the
-        sizes of all coefficients, is below 2e-12. To correct it takes another recursion.
+        Tolerance: the solution must satisfy ‖b - A x‖ ≤ rtol ‖b‖ or, where rounding does not allow
+        this, have the backward error of a direct method. The default is 1e-12, with one exception:
+        for up to 2047 unknowns and an A that is not symmetric positive definite, the solution of
+        SciPy's recursion is returned if its backward error is below 2e-12. Its residual is mostly
+        below 1e-9; to correct it would take a second recursion.
     on_singular : {"raise", "nan"}
-        Whether a system that has no solution raises a LinAlgError, or has a solution of NaN, which
-        leaves those of the other systems of a batch.
+        Whether a system without a solution raises a LinAlgError, or returns NaN (the solutions of
+        the other systems of a batch are then kept).
     full_output : bool
-        Whether to return a `SolveInfo` too.
+        Whether to return a `SolveInfo` as well.
 
     Returns
     -------
     x : ndarray of the shape of `b`, float64 or complex128
     info : SolveInfo
-        Only with `full_output`: the fields `method`, `iterations`, `residual`, `backward_error`; of
-        a batch an array of its shape of each.
+        Only with `full_output`: the method, iterations, residual and backward error; for a batch,
+        arrays of these.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where no method gives an x with a residual below 1e-8 ‖b‖, or below 0.1 ‖b‖ with a backward
-        error below 2e-12 and an ‖x‖ that is not as large as that of a singular matrix. A is then
-        singular, numerically or exactly, or x beyond the range of float64; also for b that is below
-        it. A triangular matrix is solved all the same, by substitution, unless it is large: that x
-        may be wrong is a warning.
+        If A is exactly or numerically singular, or x (or b) is beyond the range of float64. A
+        solution is accepted if its residual is below 1e-8 ‖b‖, or below 0.1 ‖b‖ with a backward
+        error below 2e-12 and an ‖x‖ that does not show a singular matrix. Triangular matrices,
+        unless they are large, are solved by substitution in any case, with a warning if x may be
+        wrong.
     TypeError
-        For what is not numbers.
+        If an argument has no numbers.
     ValueError
-        For shapes that do not match, for numbers that are not finite, or an `rtol` that is not
-        between 0 and 1.
+        If shapes do not match, numbers are not finite, or `rtol` is not between 0 and 1.
 
     Warns
     -----
     scipy.linalg.LinAlgWarning
-        Where the residual ‖b - A x‖ of a system is above 1e-8 ‖b‖ and `rtol`, or rounding of A x
-        may be: A is so ill-conditioned that x may have few correct digits, or, without `rtol`,
-        x is what SciPy's recursion gives, and better digits are to be had by ``rtol=1e-12``. Of a
-        triangular matrix, whose x may grow without losing digits, only where it has lost some.
+        If the residual, or the rounding error of A x, is above 1e-8 ‖b‖ and `rtol`. Either A is so
+        ill-conditioned that x may have few correct digits, or x is the solution of SciPy's
+        recursion, which ``rtol=1e-12`` would improve. For a triangular matrix, whose x may grow
+        without losing digits, only if digits are lost.
 
     See Also
     --------
-    scipy.linalg.solve_toeplitz : by Levinson's recursion, in O(n²).
+    scipy.linalg.solve_toeplitz : SciPy's function, in O(n²).
     toeplitz_inverse : for many right-hand sides.
-    select_method : says which method is tried first, and why.
+    select_method : tells which method is tried first, and why.
     cg : for grids and masks.
-    gmres : for matrices with diagonals.
+    gmres : for sums with diagonal matrices.
 
     Notes
     -----
-    Arrays of CuPy, torch and JAX are solved for where they are, one system at a time, by CG with
-    `default_preconditioner`, or GMRES. Inside `jax.jit`, `jax.grad` and `jax.vmap` a callback
-    solves, with derivatives by c, r and b; what has no solution is NaN there.
+    Arrays of CuPy, torch and JAX stay on their device: one system at a time is solved by CG with
+    `default_preconditioner`, or by GMRES. Inside `jax.jit`, `jax.grad` and `jax.vmap` a callback
+    solves, with derivatives with respect to c, r and b; systems without a solution give NaN.
 
-    The residual of every answer is computed, and corrected if need be. Nothing is timed to decide:
-    the same call gives the same bits in every process on one machine.
+    The residual of every solution is computed, and the solution is corrected if necessary. Methods
+    are chosen without timing, so the same call gives the same bits in every process on one machine.
 
     Examples
     --------
@@ -187,22 +186,22 @@ def select_method(c_or_cr: Any, b: ArrayLike) -> Method:
     c_or_cr : array_like of shape (n,), or tuple (c, r) of such
         First column, or first column and first row.
     b : array_like of shape (n,) or (n, k)
-        Only its shape and its type count.
+        Only its shape and dtype are used.
 
     Returns
     -------
     Method
-        Its `name` and the reason, `why`. It prints as both. Whether the method is refused, as one
-        for definite matrices is where A is not definite, shows only where the system is solved.
+        With its `name` and the reason, `why`. Whether the method fails, for example because A is
+        not positive definite, is known only when the system is solved.
 
     Raises
     ------
     TypeError, ValueError
-        As `solve_toeplitz`; also for a batch, and for no unknowns.
+        As for `solve_toeplitz`; also for a batch, and for zero unknowns.
 
     See Also
     --------
-    solve_toeplitz : with ``full_output=True`` it returns the name of the method that has solved.
+    solve_toeplitz : ``full_output=True`` returns the name of the method that was used.
 
     Examples
     --------
