@@ -102,6 +102,13 @@ def test_readme_is_one_page():
     assert len(README.read_text().splitlines()) <= 130
 
 
+def test_each_page_of_the_guide_starts_with_code_and_all_stay_short():
+    names = re.findall(r"^\w+$", (ROOT / "docs" / "guide.md").read_text(), re.MULTILINE)
+    pages = [(ROOT / "docs" / f"{name}.md").read_text() for name in names]
+    assert all("```" in "\n".join(page.splitlines()[:40]) for page in pages)
+    assert sum(len(page.split()) for page in pages) <= 25_000
+
+
 def test_every_page_is_in_the_contents_of_the_site():
     """A page that no table of contents has is a warning of the build, and so an error."""
     found = {
