@@ -35,7 +35,7 @@ SIZES = (128, 512, 2048)
 LINES = (2**14, 2**17, 2**20)
 AREAS = (*masks.FRAGMENTED, *masks.ON_A_LINE)
 COUPLED = ("full", "circle", "rough, 30 %")  # Areas of the coupled problem.
-TABULATED = ("none", "T. Chan", "cosine", "sine", "M", "FSAI")  # In docs/masks.md.
+TABULATED = ("none", "T. Chan", "cosine", "sine", "M", "FSAI")  # In appendix/preconditioners.md.
 SHOWN = 128  # Elements across the grid whose pressures are drawn.
 TABULATED_SIZE, TABULATED_LINE = 512, 2**17
 
