@@ -42,8 +42,8 @@ def toeplitz_logdet(c: ArrayLike) -> float:
 
     See Also
     --------
-    reflection_coefficients : the partial autocorrelations of a process. toeplitz_inverse : its
-    attributes `logdet` and `diagonal_sums` are log det A and its derivatives.
+    reflection_coefficients : the partial autocorrelations of a process.
+    toeplitz_inverse : has the attributes `logdet` and `diagonal_sums`, the derivatives.
 
     Notes
     -----
