@@ -39,10 +39,9 @@ class ARMA(LinearProcess):
     ----------
     sigma2 : float
         σ², of the innovations e.
-    ar : float, or sequence of float
-        φ₁, …, φ_p, of a stationary process; their names are ``"ar.L1"``, ``"ar.L2"``, ….
-    ma : float, or sequence of float
-        θ₁, …, θ_q, of an invertible one; their names are ``"ma.L1"``, ``"ma.L2"``, ….
+    ar, ma : float, or sequence of float
+        φ₁, …, φ_p and θ₁, …, θ_q, of a stationary and invertible process; their names are
+        ``"ar.L1"``, ``"ar.L2"``, … and ``"ma.L1"``, ….
 
     See Also
     --------
@@ -51,9 +50,8 @@ class ARMA(LinearProcess):
 
     Notes
     -----
-    The first p + 1 covariances are the solution of the Yule-Walker equations in 60 digits, the
-    others follow by recursion. Bounds of the coefficients are necessary for stationarity, and not
-    sufficient where there are several: `with_theta` refuses what is not stationary. It is a
+    The Yule-Walker equations are solved in 60 digits. Bounds of several coefficients are necessary
+    for stationarity, but not sufficient: `with_theta` refuses what is not stationary. It is a
     process on one axis, in steps: `spacing` does not change it.
 
     References
@@ -98,11 +96,9 @@ class ARFIMA(LinearProcess):
 
     Notes
     -----
-    For p = q = 0 the covariances are γ_k = σ² Γ(1 - 2d) Γ(k + d)/(Γ(d) Γ(1 - d) Γ(k + 1 - d)),
-    by products and for larger lags by the asymptotic series of log Γ. Otherwise they are convolved
-    with the covariances of ARMA until these are below 1e-18 of their variance, which takes long
-    where a root of φ is beside the unit circle. It is a process on one axis, in steps: `spacing`
-    does not change it.
+    For p = q = 0 the covariances are γ_k = σ² Γ(1 - 2d) Γ(k + d)/(Γ(d) Γ(1 - d) Γ(k + 1 - d)).
+    Otherwise they are convolved with those of ARMA, which takes long where a root of φ is beside
+    the unit circle. It is a process on one axis, in steps: `spacing` does not change it.
 
     References
     ----------
@@ -113,8 +109,6 @@ class ARFIMA(LinearProcess):
     >>> from toeplitz_mg.covariances import ARFIMA
     >>> ARFIMA(d=0.3)(3).round(4)
     array([1.3165, 0.5642, 0.4314])
-    >>> ARFIMA(d=0.3, ar=0.5).names
-    ('sigma2', 'd', 'ar.L1')
     """
 
     def __init__(self, sigma2: Any = 1.0, d: Any = 0.25, ar: Any = (), ma: Any = ()) -> None:

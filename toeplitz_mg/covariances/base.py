@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
 from math import comb, inf
-from operator import add, mul, or_
+from operator import add, mul
 from typing import Any, Self
 
 import numpy as np
@@ -100,14 +100,11 @@ Derivatives = dict[str, Array]  # By the names of parameters.
 class Covariance:
     """A stationary covariance on a regular grid, with its parameters.
 
-    All covariances of `toeplitz_mg.covariances` are of this class. ``k(n)`` returns the covariances
-    at the lags 0, 1, …, n - 1, the first column of a Toeplitz matrix; ``k((n1, n2))`` those on a
-    grid. ``spacing=`` is the distance of two neighbours, or one for each axis, by default 1.
-
-    ``k + l`` and ``k * l`` are the covariances with the sum and the product of the values, and
-    ``2.0 * k`` is a multiple. In them the number of the term stands before the names of its
-    parameters: ``"0.variance"``, ``"1.length"``; where a term is a sum itself, ``"0.1.length"``.
-    Covariances are immutable.
+    ``k(n)`` returns the covariances at the lags 0, 1, …, n - 1, the first column of a Toeplitz
+    matrix; ``k((n1, n2))`` those on a grid. ``spacing=`` is the distance of two neighbours, or one
+    for each axis, by default 1. ``k + l``, ``k * l`` and ``2.0 * k`` are sums, products and
+    multiples of the values. The number of a term stands before the names of its parameters:
+    ``"1.length"``; where a term is a sum itself, ``"0.1.length"``. Covariances are immutable.
 
     Raises
     ------
@@ -118,11 +115,6 @@ class Covariance:
     --------
     Custom : a covariance by a function of one's own.
     toeplitz_mg.ToeplitzNormal : the normal distribution, ``ToeplitzNormal(k(n))``.
-
-    Notes
-    -----
-    With ``value, by_c, by_y = ToeplitzNormal(k(n)).logpdf_and_grad(y)`` the derivative of the
-    log-likelihood by `theta` is ``k.gradient(n) @ by_c``.
 
     Examples
     --------
@@ -177,20 +169,9 @@ class Covariance:
         return np.array([(p.low, p.high) for p in self._free], dtype=np.float64).reshape(-1, 2)
 
     def with_theta(self, theta: ArrayLike) -> Self:
-        """Return the covariance with other values of the free parameters.
+        """Return the covariance with other values of the free parameters, of shape (p,).
 
-        Parameters
-        ----------
-        theta : array_like of shape (p,)
-
-        Returns
-        -------
-        Covariance
-
-        Raises
-        ------
-        ValueError
-            For another number of values, and for one outside of its bounds.
+        Raises a ValueError for another number of values, and for one outside of its bounds.
         """
         values, names = numbers("theta", theta), self.names
         if values.shape != (len(names),):
@@ -205,19 +186,8 @@ class Covariance:
     def fix(self, *names: str) -> Self:
         """Return the covariance with these parameters held at their values.
 
-        Parameters
-        ----------
-        *names : str
-            Of the parameters; ``"length"`` also stands for ``"length[0]"``, ``"length[1]"``, ….
-
-        Returns
-        -------
-        Covariance
-
-        Raises
-        ------
-        ValueError
-            For a name that no parameter has.
+        ``"length"`` also stands for ``"length[0]"``, ``"length[1]"``, …. Raises a ValueError for a
+        name that no parameter has.
         """
         for name in names:
             if not any(name in (p.name, p.group) for p in self._parameters):
@@ -241,24 +211,16 @@ class Covariance:
     def values_and_gradient(self, n: Any, *, spacing: Any = 1.0) -> tuple[Array, Array]:
         """Return the covariances and their derivatives, which have much of the work in common.
 
-        Parameters
-        ----------
-        n : int, or tuple of int
-            The number of points, on a grid along each axis.
-        spacing : float, or tuple of float
-            The distance of two neighbours, for all axes or for each.
-
         Returns
         -------
         values : ndarray of shape (n,) or (n1, n2, ...)
         gradient : ndarray of shape (p, n) or (p, n1, n2, ...)
+            The derivative of a log-likelihood by `theta` is the inner product of each row with the
+            `by_c` of `ToeplitzNormal.logpdf_and_grad`.
         """
         lags, names = Lags(n, spacing), self.names
         values, by = self._evaluate(lags, frozenset(names))
-        gradient = np.empty((len(names), *lags.shape))
-        for row, name in zip(gradient, names, strict=True):
-            row[...] = by[name]
-        return values, gradient
+        return values, np.array([by[name] for name in names]).reshape(len(names), *lags.shape)
 
     def __add__(self, other: Any) -> "Covariance":
         return Sum(self, other) if isinstance(other, Covariance) else NotImplemented
@@ -311,71 +273,80 @@ class Kernel(Covariance):
 class Composed(Covariance):
     """A multiple of the sum or the product of terms, whose parameters are theirs."""
 
-    _terms: tuple[Covariance, ...]
+    _terms: dict[str, Covariance]  # By what stands before the names of their parameters.
     _factor: float
 
     def __init__(self, *given: Covariance, factor: float = 1.0) -> None:
         terms: list[Covariance] = []
         for term in given:
             if isinstance(term, Composed) and type(term) is type(self):
-                terms += term._terms  # (a + b) + c is a + b + c.
+                terms += term._terms.values()  # (a + b) + c is a + b + c.
                 factor *= term._factor
             else:
                 terms.append(term)
-        self._terms, self._factor = tuple(terms), factor
-        self._prefixes = [f"{i}." for i in range(len(terms))] if len(terms) > 1 else [""]
+        self._terms = {f"{i}." if len(terms) > 1 else "": term for i, term in enumerate(terms)}
+        self._factor = factor
 
     @property
     def _parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         return tuple(
             replace(p, name=prefix + p.name, group=prefix + p.group)
-            for prefix, term in zip(self._prefixes, self._terms, strict=True)
+            for prefix, term in self._terms.items()
             for p in term._parameters
         )
 
     def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
         given, terms = iter(parameters), []
-        for term in self._terms:
+        for term in self._terms.values():
             pairs = zip(term._parameters, given, strict=False)
             changed = (replace(p, value=new.value, is_free=new.is_free) for p, new in pairs)
             terms.append(term._replaced(tuple(changed)))
         return type(self)(*terms, factor=self._factor)
 
-    def _each(self, lags: Lags, wanted: frozenset[str]) -> tuple[list[Array], list[Derivatives]]:
-        """Return the values and derivatives of the terms, by the names that they have here."""
-        values, each = [], []
-        for prefix, term in zip(self._prefixes, self._terms, strict=True):
+    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        values, each = [], {}
+        for prefix, term in self._terms.items():
             names = (name.removeprefix(prefix) for name in wanted if name.startswith(prefix))
-            value, by = term._evaluate(lags, frozenset(names))
+            value, each[prefix] = term._evaluate(lags, frozenset(names))
             values.append(value)
-            each.append({prefix + name: derivative for name, derivative in by.items()})
-        return values, each
+        found: Derivatives = {}
+        for i, (prefix, by) in enumerate(each.items()):
+            slope = self._slope(values[:i] + values[i + 1 :])
+            found |= {prefix + name: slope * derivative for name, derivative in by.items()}
+        return self._combine(values), found
+
+    def _combine(self, values: list[Array]) -> Any:
+        """Return the values, from those of the terms."""
+        raise NotImplementedError
+
+    def _slope(self, values: list[Array]) -> Any:
+        """Return the derivative by one of the terms, from the values of the others."""
+        raise NotImplementedError
 
 
 class Sum(Composed):
     """The sum of covariances, as of independent processes."""
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        values, each = self._each(lags, wanted)
-        return reduce(add, values), reduce(or_, each)
+    def _combine(self, values: list[Array]) -> Any:
+        return reduce(add, values)
+
+    def _slope(self, values: list[Array]) -> Any:
+        return 1.0
 
     def __repr__(self) -> str:
-        return " + ".join(map(repr, self._terms))
+        return " + ".join(map(repr, self._terms.values()))
 
 
 class Product(Composed):
     """The product of covariances, and of a number."""
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        (values, each), product = self._each(lags, wanted), Derivatives()
-        factor = np.array(self._factor)
-        for i, by in enumerate(each):
-            others = reduce(mul, values[:i] + values[i + 1 :], factor)
-            product |= {name: others * derivative for name, derivative in by.items()}
-        return reduce(mul, values, factor), product
+    def _combine(self, values: list[Array]) -> Any:
+        return reduce(mul, values, self._factor)
+
+    _slope = _combine  # It is the product of the others.
 
     def __repr__(self) -> str:
-        terms = [f"({t!r})" if isinstance(t, Sum) else repr(t) for t in self._terms]
+        terms = [f"({t!r})" if isinstance(t, Sum) else repr(t) for t in self._terms.values()]
         return " * ".join([repr(self._factor)] * (self._factor != 1.0) + terms)
 
 
@@ -388,9 +359,8 @@ class Custom(Covariance):
         ``function(lags, *theta)`` returns the covariances at `lags`, an array of shape (n,); on a
         grid of d axes of shape (d, n1, n2, ...), the result being of shape (n1, n2, ...).
     names : sequence of str
-        The names of the parameters.
     theta : array_like of shape (p,)
-        Their values.
+        The names and the values of the parameters.
     bounds : array_like of shape (p, 2), optional
         Open intervals in which they lie, by default of all numbers.
     gradient : callable, optional

@@ -29,9 +29,8 @@ class WhiteNoise(Kernel):
     Examples
     --------
     >>> from toeplitz_mg.covariances import Exponential, WhiteNoise
-    >>> WhiteNoise(0.5)(3)
-    array([0.5, 0. , 0. ])
-    >>> k = Exponential(length=20.0) + WhiteNoise(0.1)
+    >>> (Exponential(length=20.0) + WhiteNoise(0.5))(3).round(4)
+    array([1.5   , 0.9512, 0.9048])
     """
 
     def __init__(self, variance: Any = 1.0) -> None:
@@ -75,10 +74,9 @@ class Exponential(Radial):
 
     Parameters
     ----------
-    variance : float
-        σ².
-    length : float, or sequence of float
-        ℓ, in the units of `spacing`; on a grid also one for each axis, r being (Σ (xᵢ/ℓᵢ)²)^½.
+    variance, length : float
+        σ², and ℓ in the units of `spacing`; on a grid ℓ may be a sequence of one length for each
+        axis, r being (Σ (xᵢ/ℓᵢ)²)^½.
 
     See Also
     --------
@@ -102,17 +100,13 @@ class Exponential(Radial):
 class Matern(Radial):
     """The Matérn covariance, σ² 2^(1-ν)/Γ(ν) x^ν K_ν(x), x = (2ν)^½ r, r = distance/ℓ.
 
-    A process is differentiable in the mean square k times where ν > k.
-
     Parameters
     ----------
-    variance : float
-        σ².
-    length : float, or sequence of float
-        ℓ, in the units of `spacing`; on a grid also one for each axis, r being (Σ (xᵢ/ℓᵢ)²)^½.
+    variance, length : float
+        σ² and ℓ, which may be one for each axis, as of `Exponential`.
     nu : float
-        ν, below 100; it is a free parameter unless held by ``.fix("nu")``. With ½, 3/2 and 5/2 the
-        values are in closed form.
+        ν, below 100; it is a free parameter unless held by ``.fix("nu")``. The process is
+        differentiable k times where ν > k.
 
     See Also
     --------
@@ -120,8 +114,7 @@ class Matern(Radial):
 
     Notes
     -----
-    K_ν and its derivative by ν are integrals by the trapezoidal rule, at points between which
-    polynomials in the logarithm of the distance interpolate. The errors are below 1e-12 σ².
+    K_ν and its derivative by ν are integrated by the trapezoidal rule. Errors are below 1e-12 σ².
 
     References
     ----------
@@ -169,10 +162,8 @@ class SquaredExponential(Radial):
 
     Parameters
     ----------
-    variance : float
-        σ².
-    length : float, or sequence of float
-        ℓ, in the units of `spacing`; on a grid also one for each axis, r being (Σ (xᵢ/ℓᵢ)²)^½.
+    variance, length : float
+        σ² and ℓ, which may be one for each axis, as of `Exponential`.
 
     See Also
     --------
@@ -201,12 +192,9 @@ class Periodic(Kernel):
 
     Parameters
     ----------
-    variance : float
-        σ².
-    length : float
-        ℓ, without a unit: of less than 1 the process has many waves in a period.
-    period : float, or sequence of float
-        T, in the units of `spacing`, on a grid also one for each axis.
+    variance, length, period : float
+        σ²; ℓ, without a unit: below 1 the process has many waves in a period; T, in the units of
+        `spacing`, on a grid also one for each axis.
 
     See Also
     --------
@@ -214,9 +202,8 @@ class Periodic(Kernel):
 
     Notes
     -----
-    Whole periods are taken from the lags before they are divided, so that no digits are lost far
-    out. Its matrix is singular where the lags are several periods: add `WhiteNoise`, or multiply by
-    a covariance that decays, ``Periodic(period=12.0) * Exponential(length=100.0).fix("variance")``.
+    Its matrix is singular where the lags are several periods: add `WhiteNoise`, or multiply by a
+    covariance that decays, ``Periodic(period=12.0) * Exponential(length=100.0).fix("variance")``.
 
     Examples
     --------
@@ -248,12 +235,8 @@ class DampedCosine(Exponential):
 
     Parameters
     ----------
-    variance : float
-        σ².
-    length : float, or sequence of float
-        ℓ, in the units of `spacing`; on a grid also one for each axis, r being (Σ (xᵢ/ℓᵢ)²)^½.
-    period : float, or sequence of float
-        T, in the units of `spacing`, on a grid also one for each axis.
+    variance, length, period : float
+        σ², ℓ and T, in the units of `spacing`; ℓ and T may be one for each axis of a grid.
 
     See Also
     --------
@@ -261,8 +244,7 @@ class DampedCosine(Exponential):
 
     Notes
     -----
-    It is positive definite for any length and period, on grids as a product of covariances. Whole
-    periods are taken from the lags before they are divided, so that no digits are lost far out.
+    It is positive definite for any length and period, on grids as a product of covariances.
 
     Examples
     --------

@@ -32,9 +32,8 @@ class FractionalGaussianNoise(Kernel):
 
     Notes
     -----
-    The second difference loses digits as k², more than half of them at lags in the ten thousands.
-    So Σ binom(2H, 2j) k^(2H - 2j), over j ≥ 1, is summed. It is a process on one axis, in steps:
-    `spacing` does not change it.
+    The second difference loses digits as k²: Σ binom(2H, 2j) k^(2H - 2j), over j ≥ 1, is summed.
+    It is a process on one axis, in steps: `spacing` does not change it.
 
     References
     ----------
