@@ -333,6 +333,14 @@ def test_likelihoods_are_those_on_numpy(xp):
     for actual, expected in zip(derivatives, ours.logpdf_and_grad(y)[1:], strict=True):
         assert_allclose(to_numpy(actual), expected)
     refuses(TypeError, "y is an array of numpy", theirs.logpdf, y)
+    y = np.where(np.arange(50) % 7, y[0], np.nan)
+    given, expected = theirs.conditional(xp.asarray(y)), ours.conditional(y)
+    ahead, known = theirs.forecast(xp.asarray(y[:40]), 3), ours.forecast(y[:40], 3)
+    for a, b in ((given, expected), (ahead, known)):
+        assert_allclose(to_numpy(a.mean), b.mean)
+        for end, exact in zip(a.interval(0.9), b.interval(0.9), strict=True):
+            assert_allclose(to_numpy(end), exact)
+    assert_allclose(to_numpy(given.rvs(2, random_state=0)), expected.rvs(2, random_state=0))
 
 
 @pytest.mark.slow

@@ -102,6 +102,18 @@ def test_units_of_a_series_change_nothing_else():
     )
 
 
+def test_spacing_is_the_unit_of_lengths_and_slopes():
+    y = with_gaps(draw(SMOOTH, 200), "some")
+    plain = fit(y, SMOOTH, "linear")
+    scaled = fit(y, SMOOTH.with_theta([1.0, 0.75, 0.5]), "linear", spacing=0.25)
+    factors = [1.0, 0.25, 1.0, 1.0, 4.0]
+    expected = factors * np.array([*plain.params.values()])
+    assert_allclose([*scaled.params.values()], expected, rtol=1e-6)
+    for ours, theirs in zip(scaled.predict(3), plain.predict(3), strict=True):
+        assert_allclose(ours, theirs, rtol=1e-6)
+    assert "Spacing                           0.25" in scaled.summary()
+
+
 def test_masked_arrays_and_nan_are_the_same_gaps():
     y = with_gaps(draw(SMOOTH, 150), "some")
     found = fit(np.ma.masked_invalid(y), SMOOTH)
@@ -235,6 +247,17 @@ def test_no_convergence_is_told():
         found = fit(y, Matern(1.0, length=99.0, nu=1.5).fix("nu") + WhiteNoise(1e-3), maxiter=1)
     assert not found.converged
     assert "Converged:                       False" in found.summary()
+
+
+def test_what_cannot_be_told_apart_at_the_estimate_has_no_errors_though_the_search_converged():
+    """White noise: a length of zero fits best, and then either variance is that of white noise."""
+    y = np.random.default_rng(4).standard_normal(200)
+    with pytest.warns(OptimizeWarning, match="at a bound.* cannot be told apart") as told:
+        found = fit(y, Exponential() + WhiteNoise())
+    assert found.converged
+    assert len(told) == 1
+    assert np.isnan(found.std_errors["1.variance"])
+    assert "told apart at the estimate: they have no standard errors." in found.summary()
 
 
 def test_a_parameter_at_its_bound_is_told():

@@ -1,11 +1,14 @@
 """The normal distribution on arrays of other libraries than NumPy's, and inside `jax.jit`."""
 
 from functools import cache
+from inspect import ismethod
 from typing import Any
 
 import numpy as np
 
 from toeplitz_mg.engine.arrays.library import library_of
+from toeplitz_mg.gaussian.conditional import Conditional
+from toeplitz_mg.gaussian.fitting import NormalFit
 from toeplitz_mg.values import is_foreign, is_traced
 
 
@@ -13,7 +16,7 @@ class ArrayNormal:
     """A `ToeplitzNormal` of covariances that are an array of CuPy, torch or JAX.
 
     Its methods are those of `ToeplitzNormal`, for series of the same library, and are computed on
-    the processor; arrays that they return lie where the covariances do. Inside `jax.grad`,
+    the processor; arrays of what they return lie where the covariances do. Inside `jax.grad`,
     `jax.jit` and `jax.vmap` `logpdf` is a callback with derivatives by c, y and mean; where c is
     not positive definite it is NaN. `on_numpy` is the class of the distribution on NumPy's arrays.
     """
@@ -42,17 +45,38 @@ class ArrayNormal:
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
         library = library_of(self.c)
 
-        def back(a: Any) -> Any:
-            if type(a) is tuple:
-                return tuple(map(back, a))
-            return library.from_numpy(a) if isinstance(a, np.ndarray) else a
-
         def method(y: Any = None, *args: Any, **kwargs: Any) -> Any:
-            series = () if y is None else (_to_host(library.read("y", y)),)
-            given = {key: _to_host(a) for key, a in kwargs.items()}
-            return back(getattr(self._on_host(), name)(*series, *map(_to_host, args), **given))
+            series = () if y is None else (library.read("y", y),)
+            return getattr(Returned(self._on_host(), library), name)(*series, *args, **kwargs)
 
         return method
+
+
+class Returned:
+    """A result whose arrays, and those of what its methods return, are of another library."""
+
+    def __init__(self, result: Any, library: Any) -> None:
+        self._result, self._library = result, library
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # As of what copies and pickles, which ask before it is built.
+            raise AttributeError(name)
+        return self._take(getattr(self._result, name))
+
+    def __repr__(self) -> str:
+        return repr(self._result)
+
+    def _take(self, a: Any) -> Any:
+        """Return arrays as those of the library, and what has arrays as such a result."""
+        if isinstance(a, np.ndarray):
+            return self._library.from_numpy(a)
+        if isinstance(a, tuple):
+            return getattr(a, "_make", tuple)(map(self._take, a))  # Named tuples have `_make`.
+        if ismethod(a):
+            return lambda *args, **kwargs: self._take(
+                a(*map(_to_host, args), **{key: _to_host(x) for key, x in kwargs.items()})
+            )
+        return Returned(a, self._library) if isinstance(a, Conditional | NormalFit) else a
 
 
 def _to_host(a: Any) -> Any:

@@ -4,16 +4,18 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import prod
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.covariances import Covariance
+from toeplitz_mg.covariances.base import Lags
+from toeplitz_mg.gaussian.conditional import Prediction, quantile
 from toeplitz_mg.gaussian.labels import Labels
-from toeplitz_mg.gaussian.observed import warn_of_determinant, warn_of_rounding
-from toeplitz_mg.gaussian.scoring import Data, Search, Transform, find_dependent
+from toeplitz_mg.gaussian.observed import doubt_of_form, warn
+from toeplitz_mg.gaussian.scoring import Data, Point, Search, Transform, find_dependent
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.values import count, in_range, numbers, real
 
@@ -22,23 +24,7 @@ TRENDS = "constant", "linear"
 RANK = 1e-10  # Part of a regressor that others have not, below which it has none of its own.
 ROUNDING = 1e-9  # Negative variances that are zero but for rounding, in units of the variance.
 WIDTH = 78  # Characters of a line of a summary.
-
-
-class Prediction(NamedTuple):
-    """Means and standard deviations of values that are not known, each by itself.
-
-    Attributes
-    ----------
-    mean, std : ndarray, or pandas.Series
-    """
-
-    mean: Any
-    std: Any
-
-    def interval(self, confidence: float = 0.95) -> tuple[Any, Any]:
-        """Return the ends of the intervals that hold each value with this probability."""
-        half = _quantile(confidence) * self.std
-        return self.mean - half, self.mean + half
+UNKNOWN = "the parameters cannot be told apart at the estimate"
 
 
 @dataclass(frozen=True)
@@ -49,9 +35,10 @@ class Mean:
     offset: Array  # It broadcasts to the shape of the grid.
     X: Array  # Regressors that were given, of shape (n, k), or of fields (n1, n2, ..., k).
     names: tuple[str, ...]  # Those of all coefficients.
+    spacing: tuple[float, ...]
 
     @classmethod
-    def of(cls, mean: Any, X: Any, shape: tuple[int, ...]) -> "Mean":
+    def of(cls, mean: Any, X: Any, shape: tuple[int, ...], spacing: tuple[float, ...]) -> "Mean":
         """Check what a user gives."""
         trend = mean if isinstance(mean, str) else ""
         offset = np.zeros(()) if trend else numbers("mean", mean)
@@ -61,7 +48,7 @@ class Mean:
         given = getattr(X, "columns", [f"x{k + 1}" for k in range(columns.shape[-1])])
         slopes = ["slope"] if len(shape) == 1 else [f"slope.{k}" for k in range(len(shape))]
         names = ["mean"] * bool(trend) + slopes * (trend == "linear") + [*map(str, given)]
-        result = cls(trend, offset, columns, tuple(names))
+        result = cls(trend, offset, columns, tuple(names), spacing)
         result.known(shape)
         return result
 
@@ -73,7 +60,8 @@ class Mean:
         """Return the regressors on a grid, each a row; `more` are those of steps that follow."""
         trend = np.ones((int(bool(self.trend)), *shape))
         if self.trend == "linear":
-            trend = np.concatenate([trend, np.indices(shape, dtype=np.float64)])
+            points = np.indices(shape, dtype=np.float64)
+            trend = np.concatenate([trend, (points.T * self.spacing).T])
         steps, X = shape[0] - len(self.X), self.X
         if X.shape[-1] and steps:
             if more is None:
@@ -98,14 +86,17 @@ class NormalFit:
         The estimates: those of the parameters of the covariance, then the coefficients of the mean.
     params_covariance : ndarray
         Their covariance matrix, in this order: the inverse of Fisher's information. NaN for
-        parameters at a bound.
+        parameters at a bound, and for those that cannot be told apart at the estimate.
     loglikelihood : float
         The logarithm of the likelihood, or of the restricted one.
     method : str
         "ml" or "reml".
+    spacing : tuple of float
+        The distance of two neighbours along each axis.
     n_observed : int
         The number of observed values.
     converged : bool
+        Whether the search has found a largest likelihood.
     iterations : int
         Steps of the search.
     at_bounds : tuple of str
@@ -122,6 +113,7 @@ class NormalFit:
     params_covariance: Array
     loglikelihood: float
     method: str
+    spacing: tuple[float, ...]
     n_observed: int
     converged: bool
     iterations: int
@@ -149,6 +141,13 @@ class NormalFit:
         return float(np.log(self._sizes[1])) * self._sizes[0] - 2.0 * self.loglikelihood
 
     @property
+    def _shown_spacing(self) -> tuple[str, str]:
+        """What the summary says of the spacing: nothing where that is 1."""
+        if {*self.spacing} == {1.0}:
+            return "", ""
+        return "Spacing", ", ".join(f"{each:g}" for each in self.spacing)
+
+    @property
     def _sizes(self) -> tuple[int, int]:
         less = len(self._mean.names) if self.method == "reml" else 0
         return len(self.params) - less, self.n_observed - less
@@ -159,7 +158,7 @@ class NormalFit:
         Those of the covariance are of its transformed parameters, logarithms where there is one
         bound and logits where there are two, so that no interval leaves the bounds.
         """
-        z, errors = _quantile(confidence), np.array([*self.std_errors.values()])
+        z, errors = quantile(confidence), np.array([*self.std_errors.values()])
         estimates, p = np.array([*self.params.values()]), len(self.covariance.theta)
         low, high = estimates - z * errors, estimates + z * errors
         if p:
@@ -218,12 +217,12 @@ class NormalFit:
             raise ValueError(f"noise is {noise!r}, but must be one of {', '.join(self.params)}")
         sigma2 = self.params[noise] if isinstance(noise, str) else real("noise", noise)
         rows = self._mean.rows(y.shape, X)
-        c = self.covariance(y.shape)
+        c = self.covariance(y.shape, spacing=self.spacing)
         p, there = len(self.params) - len(rows), ~np.isnan(y).ravel()
         trend = (np.array([*self.params.values()])[p:] @ rows).reshape(y.shape)
         given = type(self.process)(c, self._mean.known(y.shape) + trend).conditional(y)
         known, observed = given.known, rows * there
-        mean, variance = given.mean.ravel(), given.variance.ravel()
+        mean, variance = given.mean.ravel(), given.warned_variance().ravel()
         left = rows - known.estimate(observed) if len(rows) else rows
         left[:, there] = 0.0
         if sigma2:
@@ -244,7 +243,7 @@ class NormalFit:
             ("Model:", "ToeplitzNormal", "Log Likelihood", f"{self.loglikelihood:.3f}"),
             ("Method:", self.method.upper(), "AIC", f"{self.aic:.3f}"),
             ("Converged:", str(self.converged), "BIC", f"{self.bic:.3f}"),
-            ("Missing:", f"{self._labels.values.size - self.n_observed}", "", ""),
+            ("Missing:", f"{self._labels.values.size - self.n_observed}", *self._shown_spacing),
         )
         lines = [f"{'Gaussian Process Results':^{WIDTH}}".rstrip(), "=" * WIDTH]
         lines += [f"{a:<16}{b:>22}  {c:<20}{d:>18}".rstrip() for a, b, c, d in head]
@@ -264,6 +263,9 @@ class NormalFit:
             lines.append(f"{name:<{wide}}" + "".join(f"{cell:>10}" for cell in row))
         lines.append("=" * WIDTH)
         lines += [f"{name} is at a bound: it has no standard error." for name in self.at_bounds]
+        unknown = {name for name, error in self.std_errors.items() if np.isnan(error)}
+        if unknown - {*self.at_bounds}:
+            lines.append(f"{UNKNOWN}: they have no standard errors.")
         return "\n".join(lines)
 
     def plot(
@@ -306,7 +308,7 @@ class NormalFit:
             raise ValueError(f"y has {y.ndim} axes, but plot draws a series")
         found = self.predict(steps, X, noise=noise)
         ax = plt.subplots(layout="compressed")[1] if ax is None else ax
-        index = self._labels.index(steps)
+        index = self._labels.index(steps, self.spacing[0])
         index = index.to_timestamp() if hasattr(index, "to_timestamp") else index
         label = f"{confidence:.0%} interval"
         ax.fill_between(index, *found.interval(confidence), alpha=0.3, label=label)
@@ -323,6 +325,7 @@ def fit_normal(
     covariance: Covariance,
     mean: Any,
     X: Any,
+    spacing: Any,
     method: str,
     maxiter: int,
 ) -> NormalFit:
@@ -339,12 +342,13 @@ def fit_normal(
     if not shape or not prod(shape) or np.isinf(labels.values).any():
         raise ValueError("y must be a series, or a field, of finite numbers, or NaN where missing")
     in_range("y", float(np.nanmax(np.abs(labels.values), initial=0.0)))
-    model = Mean.of(mean, X, shape)
+    model = Mean.of(mean, X, shape, Lags(shape, spacing).spacing)
     names = (*covariance.names, *model.names)
     if len({*names}) < len(names):
         raise ValueError(f"the parameters have the names {names}, but each must have its own")
     data, R, start = _arrange(labels.values, model, len(covariance.theta))
-    search = Search(data, covariance, method == "reml", count("maxiter", maxiter))
+    maxiter = count("maxiter", maxiter)
+    search = Search(data, covariance, model.spacing, method == "reml", maxiter)
     best, p = search.best, len(covariance.theta)
     inverse = np.linalg.inv(best.factor.T @ R)
     params = np.append(search.theta, start + np.linalg.solve(R, best.coefficients))
@@ -357,7 +361,7 @@ def fit_normal(
         information = best.information[inside]
         is_known = not find_dependent(information).any()
         errors[inside] = np.linalg.inv(information) if is_known else np.nan
-    _warn(search, at_bounds, is_known)
+    _warn(search, best, at_bounds, is_known)
     trend = params[p:] @ model.rows(shape)
     fitted = covariance.with_theta(search.theta)
     return NormalFit(
@@ -367,8 +371,9 @@ def fit_normal(
         params_covariance=errors,
         loglikelihood=best.value,
         method=method,
+        spacing=model.spacing,
         n_observed=data.n_observed,
-        converged=search.converged and is_known,
+        converged=search.converged,
         iterations=search.iterations,
         at_bounds=at_bounds,
         _mean=model,
@@ -417,13 +422,10 @@ def _arrange(values: Array, model: Mean, parameters: int) -> tuple[Data, Array, 
     return Data(residual, rows, mask), R, np.linalg.solve(R, start)
 
 
-def _warn(search: Search, at_bounds: tuple[str, ...], is_known: bool) -> None:
-    """Warn of what is doubtful about a fit."""
+def _warn(search: Search, best: Point, at_bounds: tuple[str, ...], is_known: bool) -> None:
+    """Warn, once, of what is doubtful about a fit."""
     from scipy.optimize import OptimizeWarning  # It is slow to import.
 
-    known, rows = search.best.known, search.best.residual
-    warn_of_determinant(known, stacklevel=5)
-    warn_of_rounding(ToeplitzOperator(search.best.c), *rows, stacklevel=5)
     doubts = []
     if not search.converged:
         doubts.append(
@@ -436,9 +438,13 @@ def _warn(search: Search, at_bounds: tuple[str, ...], is_known: bool) -> None:
             "error is known; leave the term out, or hold the parameter"
         )
     if not is_known:
-        doubts.append("the parameters cannot be told apart at the estimate: no standard errors")
-    for doubt in doubts:
-        warnings.warn(doubt, OptimizeWarning, stacklevel=4)
+        doubts.append(f"{UNKNOWN}: no standard errors")
+    inexact = [best.known.doubt or doubt_of_form(ToeplitzOperator(best.c), *best.residual)]
+    if doubts:
+        doubts += filter(None, inexact)
+        warnings.warn("; and ".join(doubts), OptimizeWarning, stacklevel=4)
+    else:
+        warn(*inexact, stacklevel=4)
 
 
 def _finite(name: str, values: Any) -> Array:
@@ -460,14 +466,6 @@ def _columns(X: Any, shape: tuple[int, ...], columns: int | None = None) -> Arra
             "column for each regressor"
         )
     return array
-
-
-def _quantile(confidence: float) -> float:
-    """Return how many standard deviations an interval of this probability has on each side."""
-    confidence = real("confidence", confidence)
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence is {confidence}, but must be between 0 and 1")
-    return float(ndtri(0.5 + 0.5 * confidence))
 
 
 def _cell(x: float, digits: int = 3) -> str:

@@ -41,10 +41,10 @@ class Labels:
         index = self.index(len(values) - len(self.values))
         return type(self.series)(values, index=index, name=self.series.name)
 
-    def index(self, steps: int) -> Any:
-        """Return the index with so many steps more, or else the numbers from zero on."""
+    def index(self, steps: int, spacing: float = 1.0) -> Any:
+        """Return the index with so many steps more, or else the multiples of the spacing."""
         if self.series is None:
-            return np.arange(len(self.values) + steps)
+            return np.arange(len(self.values) + steps) * spacing
         index = self.series.index
         if not steps:
             return index

@@ -1,7 +1,5 @@
 """The normal distribution of a stationary process on a grid."""
 
-import warnings
-from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 from typing import Any, overload
@@ -12,21 +10,21 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Mask, Rows, Series
 from toeplitz_mg.columns.schur import schur_column, whiten_rows
 from toeplitz_mg.covariances import Covariance
+from toeplitz_mg.gaussian.conditional import Conditional, Prediction
 from toeplitz_mg.gaussian.elsewhere import ArrayNormal
-from toeplitz_mg.gaussian.fitting import NormalFit, Prediction, fit_normal, spread_mean
+from toeplitz_mg.gaussian.fitting import NormalFit, fit_normal, spread_mean
 from toeplitz_mg.gaussian.labels import fill
 from toeplitz_mg.gaussian.observed import (
     INEXACT,
     LOST,
-    MOST,
     Few,
     Observed,
     Whole,
+    doubt_of_form,
+    doubt_of_gaps,
     largest_dense,
     observe,
-    warn_of_determinant,
-    warn_of_gaps,
-    warn_of_rounding,
+    warn,
 )
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
 from toeplitz_mg.gaussian.stochastic import estimate_logdet
@@ -34,29 +32,26 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.values import count, generator, is_foreign, numbers, refuse_masked
 
 SHOWN = 5  # Positions that an error names.
-DRAWS = 256  # Draws of which the variances are taken where so many points are missing.
-IMPRECISE = 1e-4  # Relative error of variances above which there is a warning.
 
 
 class ToeplitzNormal:
     """A multivariate normal distribution whose covariance is a Toeplitz matrix.
 
-    That is a stationary Gaussian process on a regular grid: a time series, or a random field. It is
-    used by `logpdf` and `rvs`, as a frozen distribution of `scipy.stats`, and takes O(n log n)
-    where `scipy.stats.multivariate_normal` takes O(n³).
+    That is a stationary Gaussian process on a regular grid: a time series, or a random field. It
+    has `logpdf` and `rvs`, as a frozen distribution of `scipy.stats`, and takes O(n log n) where
+    `scipy.stats.multivariate_normal` takes O(n³).
 
     Parameters
     ----------
     c : array_like of shape (n,) or (n1, n2, ...)
         Covariances at the lags 0, 1, …: the first column of the covariance matrix, real. With
-        several axes they are the same in both directions along each axis. Arrays of CuPy,
-        torch and JAX will do: the methods then take and return such, and `logpdf` has derivatives
-        inside `jax.grad`.
+        several axes they are the same in both directions along each. Of arrays of CuPy, torch and
+        JAX the methods take and return such, and `logpdf` has derivatives inside `jax.grad`.
     mean : array_like, optional
         A number, or an array that broadcasts to the shape of `c`.
     noise : array_like of the shape of `c`, optional
-        Variances, not negative, of a noise that differs by point: the covariance matrix is A with
-        these added to its diagonal. One that is the same everywhere belongs to c[0].
+        Variances of a noise that differs by point, which are added to the diagonal of A. One that
+        is the same everywhere belongs to c[0].
 
     Attributes
     ----------
@@ -69,14 +64,11 @@ class ToeplitzNormal:
 
     Raises
     ------
-    TypeError
-        For covariances, or means, that are not real numbers.
-    ValueError
-        For those that are not finite, or shapes that do not match.
+    TypeError, ValueError
+        For what is not real, or not finite, or has a shape that does not match.
     numpy.linalg.LinAlgError
-        Where c[0] is not positive. Whether the whole matrix is positive definite is found out by
-        the methods: they raise it where it is not, exactly or in the arithmetic of float64, and the
-        message says which leading block is not. A larger c[0], a nugget, helps.
+        Where c[0] is not positive; by the methods, where the matrix is not positive definite,
+        exactly or in float64. A larger c[0], a nugget, helps.
 
     See Also
     --------
@@ -85,9 +77,8 @@ class ToeplitzNormal:
 
     Notes
     -----
-    All follows from one column of the inverse, x = A⁻¹ e₁: solutions by the Gohberg-Semencul
-    formula, log det A as `toeplitz_logdet` says, and the derivatives of log det A by all
-    covariances from two correlations of x.
+    All follows from x = A⁻¹ e₁: solutions by the Gohberg-Semencul formula, log det A as
+    `toeplitz_logdet` says, and its derivatives by all covariances from two correlations of x.
 
     References
     ----------
@@ -101,11 +92,8 @@ class ToeplitzNormal:
     >>> c = 0.5 ** np.arange(1000)
     >>> process = tmg.ToeplitzNormal(c, mean=3.0)
     >>> y = process.rvs(random_state=0)
-    >>> y.shape
-    (1000,)
-    >>> value, by_c, by_y = process.logpdf_and_grad(y)
-    >>> bool(value == process.logpdf(y)), by_c.shape, by_y.shape
-    (True, (1000,), (1000,))
+    >>> round(float(process.logpdf(y)), 3)
+    -1253.44
     """
 
     def __new__(cls, c: Any = None, mean: Any = 0.0, noise: Any = None) -> Any:
@@ -134,6 +122,7 @@ class ToeplitzNormal:
         mean: Any = "constant",
         X: Any = None,
         *,
+        spacing: float | tuple[float, ...] = 1.0,
         method: str = "ml",
         maxiter: int = 100,
     ) -> NormalFit:
@@ -149,6 +138,9 @@ class ToeplitzNormal:
             What is estimated of the mean beside X, or the mean if it is known.
         X : array_like of shape (n,), (n, k) or (n1, n2, ..., k), optional
             Regressors, a column each. The columns of a DataFrame give their names.
+        spacing : float, or tuple of float, optional
+            The distance of two neighbours, for all axes or for each: lengths and periods of the
+            covariance, and slopes of the mean, are in its units.
         method : {"ml", "reml"}, optional
             Maximum likelihood, or restricted maximum likelihood: that of the contrasts of y that
             the mean does not change, of which variances are less biased.
@@ -170,7 +162,8 @@ class ToeplitzNormal:
         Warns
         -----
         scipy.optimize.OptimizeWarning
-            Where the search has not converged, or a parameter has come to a bound.
+            Where the search has not converged, a parameter has come to a bound, or parameters
+            cannot be told apart at the estimate.
         scipy.linalg.LinAlgWarning
             As by `logpdf`, of the estimate.
 
@@ -179,9 +172,8 @@ class ToeplitzNormal:
         The coefficients of the mean are those of generalised least squares for each covariance. The
         parameters of the covariance, their logarithms where they have a bound, are found by
         `scipy.optimize.minimize` in a trust region, with exact derivatives and, as the curvature,
-        the average information of AI-REML. The variance need not start near its estimate. Fisher's
-        information tr(A⁻¹ ∂ᵢA A⁻¹ ∂ⱼA)/2, of which standard errors are made, is exact: without gaps
-        in O(n log n), as the sums of the diagonals of A⁻¹ are bilinear in x = A⁻¹e₁.
+        the average information of AI-REML; variances need not start near their estimates. Standard
+        errors are those of Fisher's information tr(A⁻¹ ∂ᵢA A⁻¹ ∂ⱼA)/2, which is exact.
 
         Examples
         --------
@@ -191,24 +183,12 @@ class ToeplitzNormal:
         >>> y = tmg.ToeplitzNormal(covariance(800), mean=5.0).rvs(random_state=0)
         >>> y[300:350] = float("nan")
         >>> fit = tmg.ToeplitzNormal.fit(y, Exponential() + WhiteNoise())
-        >>> print(fit.summary())
-                                   Gaussian Process Results
-        ==============================================================================
-        Dep. Variable:                       y  No. Observations:                  750
-        Model:                  ToeplitzNormal  Log Likelihood               -1370.581
-        Method:                             ML  AIC                           2749.162
-        Converged:                        True  BIC                           2767.642
-        Missing:                            50
-        ==============================================================================
-                                coef   std err         z     P>|z|    [0.025    0.975]
-        ------------------------------------------------------------------------------
-        0.variance            3.6929     0.551     6.707     0.000     2.757     4.946
-        0.length              7.5964     1.550     4.901     0.000     5.093    11.331
-        1.variance            0.9778     0.113     8.624     0.000     0.779     1.227
-        mean                  4.7999     0.271    17.684     0.000     4.268     5.332
-        ==============================================================================
+        >>> fit
+        <NormalFit 0.variance 3.693, 0.length 7.596, 1.variance 0.9778, mean 4.8>
+        >>> round(fit.std_errors["0.length"], 2)
+        1.55
         """
-        return fit_normal(cls, y, covariance, mean, X, method, maxiter)
+        return fit_normal(cls, y, covariance, mean, X, spacing, method, maxiter)
 
     def __repr__(self) -> str:
         return f"<ToeplitzNormal {' x '.join(map(str, self.shape))}>"
@@ -217,9 +197,8 @@ class ToeplitzNormal:
     def logdet(self) -> float:
         """The log-determinant of A (see `toeplitz_logdet`)."""
         known = self._observe(None)
-        value = known.logdet()
-        warn_of_determinant(known, stacklevel=3)
-        return value
+        warn(known.doubt, stacklevel=2)
+        return known.logdet()
 
     @property
     def logdet_error(self) -> float:
@@ -242,11 +221,10 @@ class ToeplitzNormal:
         Parameters
         ----------
         y : array_like of shape (..., n)
-            One series, or many with the same gaps, in which NaN stands, or a masked array. Where
-            `observed` says that it is not observed anything may stand.
+            One series, or many with the same gaps, in which NaN stands, or a masked array.
         observed : array_like of bool, of shape (n,), optional
-            Where the series are observed, by default where they are not NaN. The density is that of
-            the observed values.
+            Where the series are observed, by default where they are not NaN; elsewhere anything may
+            stand. The density is that of the observed values.
 
         Returns
         -------
@@ -255,9 +233,9 @@ class ToeplitzNormal:
         Raises
         ------
         ValueError
-            Where `y` is not finite at points that are observed, or has another shape. For a
-            field, a series with more than 4096 points missing, and noise that differs by point:
-            where more are observed than a dense matrix in a quarter of the memory has rows.
+            Where `y` is not finite where it is observed, or has another shape. For a field, a
+            series with more than 4096 points missing, and noise that differs by point: where more
+            are observed than a dense matrix in a quarter of the memory has rows.
         numpy.linalg.LinAlgError
             Where the covariance is not positive definite.
 
@@ -269,9 +247,8 @@ class ToeplitzNormal:
 
         Notes
         -----
-        With gaps it is exact: with B the rows and columns of A⁻¹ at the m missing points,
-        log det A_oo = log det A + log det B, at the cost of O(m² + m³/3) operations and of a
-        product with A⁻¹ for each gap.
+        With gaps it is exact: with B the rows and columns of A⁻¹ at the missing points it is
+        log det A_oo = log det A + log det B.
 
         Examples
         --------
@@ -300,7 +277,7 @@ class ToeplitzNormal:
             As of `logpdf`.
         by_c : ndarray of shape (..., n)
             Derivatives by the covariances c[k]. That by a parameter of c is the inner product with
-            the derivatives of c; of a field, the sum of the products of all entries.
+            the derivatives of c, over all axes.
         by_y : ndarray of shape (..., n)
             Derivatives by the values, zero where they are not observed. Those by the means are the
             same with the other sign.
@@ -308,10 +285,9 @@ class ToeplitzNormal:
         Notes
         -----
         With α = A⁻¹ (y - mean) and the sums D_k = Σ_i (A⁻¹)_(i,i+k), the derivative by c_k is
-        Σ_i α_i α_(i+k) - D_k, for k = 0 half of that. With gaps the derivatives of log det B by
-        A⁻¹ e₁ give those by c with one more solve, and all takes two to three times as long as the
-        value. Over a long gap of a smooth process their relative error grows as a tenth of
-        eps ‖A⁻¹‖ ‖B⁻¹‖, of which there is a warning where that is above 1e-8.
+        Σ_i α_i α_(i+k) - D_k, for k = 0 half of that. With gaps all takes two to three times as
+        long as the value. Over a long gap of a smooth process the relative error grows as a tenth
+        of eps ‖A⁻¹‖ ‖B⁻¹‖, with a warning above 1e-8.
 
         Examples
         --------
@@ -327,7 +303,8 @@ class ToeplitzNormal:
         """
         value, X, known = self._logpdf(y, observed)
         by_c = known.by_covariances(X)
-        warn_of_gaps("the derivatives by c", LOST * known.rounding, INEXACT, stacklevel=3)
+        doubt = doubt_of_gaps("the derivatives by c", LOST * known.rounding, INEXACT)
+        warn(doubt, stacklevel=2)
         shape = (*value.shape, *self.shape)
         return value[()], by_c.reshape(shape), -X.reshape(shape)
 
@@ -345,7 +322,7 @@ class ToeplitzNormal:
         y, observed
             As in `logpdf`. At most 4096 points may be missing, or observed.
         probes : int
-            Random vectors, of which each costs some hundred products with A. At least 3.
+            Random vectors, at least 3, of which each costs some hundred products with A.
         random_state
             As in `rvs`.
 
@@ -353,8 +330,8 @@ class ToeplitzNormal:
         -------
         value : float, or ndarray of shape (...)
         error : float
-            The standard error of all values, the same for each: that of the log-determinant,
-            estimated by Lanczos's method on draws of the process with the mean noise.
+            The standard error of each value: that of the log-determinant, estimated by Lanczos's
+            method on draws of the process with the mean noise.
 
         Examples
         --------
@@ -398,8 +375,8 @@ class ToeplitzNormal:
 
         Notes
         -----
-        In O(n log² n), by the superfast Schur algorithm (`toeplitz_mg.columns.schur`); with gaps,
-        and with noise that differs by point, by a dense factorisation.
+        In O(n log² n), by the superfast Schur algorithm; with gaps, and with noise that differs by
+        point, by a dense factorisation.
 
         Examples
         --------
@@ -461,8 +438,7 @@ class ToeplitzNormal:
         Notes
         -----
         Where more than 4096 points are missing, and observed, and with several axes, the systems
-        are solved by CG with `default_preconditioner`. A draw is a sample x of the process plus
-        the estimate of what is missing from y - x.
+        are solved by CG with `default_preconditioner`.
 
         Examples
         --------
@@ -522,7 +498,7 @@ class ToeplitzNormal:
         noise = None if self.noise is None else self.noise[:n]
         process = ToeplitzNormal(self.A.c[:n], self.mean[:n], noise)
         given = process.conditional(np.append(past, np.full(steps, np.nan)))
-        return Prediction(given.mean[-steps:], given.std[-steps:])
+        return Prediction(given.mean[-steps:], np.sqrt(given.warned_variance()[-steps:]))
 
     def leave_one_out(self, y: ArrayLike, observed: ArrayLike | None = None) -> Prediction:
         """Predict each value from all others that are observed.
@@ -539,8 +515,8 @@ class ToeplitzNormal:
 
         Notes
         -----
-        With α = A_oo⁻¹ (y - mean) and d the diagonal of A_oo⁻¹ they are y - α/d and 1/√d. Without
-        gaps d is a cumulative sum of squares; with m gaps it takes m products with A⁻¹.
+        With α = A_oo⁻¹ (y - mean) and d the diagonal of A_oo⁻¹ they are y - α/d and 1/√d. With m
+        gaps d takes m products with A⁻¹.
 
         Examples
         --------
@@ -579,18 +555,17 @@ class ToeplitzNormal:
             For a size that is no count, or a seed that is none.
         numpy.linalg.LinAlgError
             Where the covariance is not positive definite. With several axes also where its mirror
-            images do not continue it to that of a periodic field: the message names the size of a
-            grid on which it has decayed, as is needed.
+            images do not continue it to that of a periodic field: the message names a grid that is
+            large enough.
 
         Notes
         -----
-        A sample is a part of one of a periodic process on a larger grid, whose covariance has the
-        eigenvalues of a circulant. Where the covariance, continued by its mirror image, has no
-        negative one, the samples are exact. Else, with one axis, it is continued as that of an
-        autoregressive process, whose spectral density is positive; and where its covariance does
-        not decay, as of a process that is periodic itself, each number is drawn from those before
-        it, in O(n²). What `sampling_error` says was measured, and is at most 1e-6. No eigenvalue
-        that is negative beyond rounding is ever set to zero.
+        A sample is a part of one of a periodic process on a larger grid. Where the covariance,
+        continued by its mirror image, has no negative eigenvalue, the samples are exact. Else, with
+        one axis, it is continued as that of an autoregressive process; and where it does not decay,
+        as of a process that is periodic itself, each number is drawn from those before it, in
+        O(n²). `sampling_error` was measured, and is at most 1e-6. No eigenvalue that is negative
+        beyond rounding is set to zero.
 
         Examples
         --------
@@ -643,80 +618,9 @@ class ToeplitzNormal:
         rows = residual.reshape(-1, self.A.shape[0])
         X, squares = known.solve(rows)
         constant += np.log(2.0 * np.pi) * (rows.shape[1] if mask is None else mask.sum())
-        warn_of_determinant(known, stacklevel=4)
-        warn_of_rounding(self.A, X, squares, stacklevel=4)
+        warn(known.doubt, doubt_of_form(self.A, X, squares), stacklevel=3)
         value = -0.5 * (squares + constant)
         return value.reshape(residual.shape[: residual.ndim - len(self.shape)]), X, known
-
-
-@dataclass(frozen=True, repr=False)
-class Conditional:
-    """The distribution of all points of a process, given those that are observed: kriging."""
-
-    process: ToeplitzNormal
-    known: Observed  # What is known of the covariance of the observed points.
-    mask: Mask  # Where it is observed.
-    residual: Array  # What was observed less the mean of the process, zero elsewhere.
-
-    @cached_property
-    def mean(self) -> Array:
-        """The mean at each point: where it is observed, the value itself."""
-        mean: Array = self._estimate(self.residual[np.newaxis])[0] + self.process.mean
-        mean.flags.writeable = False
-        return mean
-
-    @cached_property
-    def variance(self) -> Array:
-        """The variance at each point: zero where it is observed.
-
-        Exact where at most 4096 points are missing. Else it is that of 256 draws, with a relative
-        standard error of 9 %, of which there is a warning.
-        """
-        missing = ~self.mask.ravel()
-        number, variance = np.count_nonzero(missing), np.zeros(missing.size)
-        if number <= MOST:
-            variance[missing] = self.known.variances()
-            warn_of_gaps("the variances", self.known.rounding, IMPRECISE, stacklevel=4)
-        else:
-            random = np.random.default_rng(0)
-            for _ in range(DRAWS):
-                variance += (self.rvs(random_state=random) - self.mean).ravel() ** 2 / DRAWS
-            variance[~missing] = 0.0
-            warnings.warn(
-                f"{number} points are missing: of more than {MOST} the variances are those of "
-                f"{DRAWS} draws, with a standard error of {(2 / DRAWS) ** 0.5:.0%}",
-                UserWarning,
-                stacklevel=3,
-            )
-        variance.flags.writeable = False
-        return variance.reshape(self.mask.shape)
-
-    @property
-    def std(self) -> Array:
-        """The standard deviation at each point, from `variance`."""
-        return np.sqrt(self.variance)
-
-    def interval(self, confidence: float = 0.95) -> tuple[Array, Array]:
-        """Return the ends of the intervals that hold each value with this probability."""
-        return Prediction(self.mean, self.std).interval(confidence)
-
-    def rvs(self, size: int | tuple[int, ...] | None = 1, random_state: Any = None) -> Array:
-        """Draw samples, as `ToeplitzNormal.rvs` does; each costs a solve."""
-        process = self.process
-        X = process.rvs(size, random_state) - process.mean
-        fields = X.reshape(prod(X.shape[: -len(process.shape)]), *process.shape)
-        return X + self._estimate(self.residual - fields).reshape(X.shape) + process.mean
-
-    def __repr__(self) -> str:
-        return f"<Conditional {self.process!r}, {np.count_nonzero(self.mask)} observed>"
-
-    def _estimate(self, fields: Array) -> Array:
-        """Return the means of the points, given fields at those that are observed."""
-        inside = self.mask.ravel()
-        Y: Rows = np.where(inside, fields.reshape(len(fields), inside.size), 0.0)
-        X = self.known.estimate(Y)
-        X[:, inside] = Y[:, inside]
-        return X.reshape(fields.shape)
 
 
 def _check_noise(noise: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -31,7 +31,7 @@ from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_columns, require_safe_sizes
 from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
-from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
+from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 
 MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
@@ -54,6 +54,11 @@ class Known:
     def rounding(self) -> float:
         """An estimate of the relative error of the covariance of what is missing."""
         return 0.0
+
+    @property
+    def doubt(self) -> str:
+        """What a warning says of the log-determinant."""
+        return ""
 
     def solve(self, Y: Rows) -> tuple[Rows, Array]:
         """Return α = A_oo⁻¹ y_o, extended by zeros, for each row y, and yᵀ α."""
@@ -85,6 +90,11 @@ class Whole(Known):
         """Return A⁻¹ y for each row, and yᵀ A⁻¹ y."""
         X = self.column.solve(Y)
         return X, np.vecdot(Y, X)
+
+    @property
+    def doubt(self) -> str:
+        """What a warning says of the log-determinant."""
+        return self.log_determinant.doubt(self.A.shape[0])
 
     def logdet(self) -> float:
         """Return log det A."""
@@ -185,6 +195,11 @@ class Gaps(Known):
             diagonal -= (self.whole.column.inverse.apply(rows) ** 2).sum(axis=0)
         diagonal[self.missing] = 0.0
         return diagonal
+
+    @property
+    def doubt(self) -> str:
+        """That of the whole series, on whose log-determinant this one rests."""
+        return self.whole.doubt
 
     @property
     def rounding(self) -> float:
@@ -485,32 +500,29 @@ def by_column(x: Array, index: Array, inverse: Array) -> Array:
     return by_x / x[0]
 
 
-def warn_of_determinant(known: Observed, stacklevel: int) -> None:
-    """Warn where a log-determinant rests on one of the whole series that is inexact."""
-    whole = known.whole if isinstance(known, Gaps) else known
-    if isinstance(whole, Whole):
-        warn_of_error(whole.log_determinant, whole.A.shape[0], stacklevel + 1)
-
-
-def warn_of_rounding(A: ToeplitzOperator, X: Rows, squares: Array, stacklevel: int) -> None:
-    """Warn where yᵀ α may be rounding, of rows α = A⁻¹ y."""
+def doubt_of_form(A: ToeplitzOperator, X: Rows, squares: Array) -> str:
+    """Return what a warning says where yᵀ α may be rounding, of rows α = A⁻¹ y."""
     noise = EPS * A.norm_bound * np.vecdot(X, X)
     worst = int(noise.argmax()) if len(noise) else 0
-    if len(noise) and noise[worst] > NOISY * X.shape[1]:
-        warnings.warn(
-            f"(y - mean)ᵀ A⁻¹ (y - mean) is {squares[worst]:.6g} with an error of up to "
-            f"{noise[worst]:.1e}: A is ill-conditioned, for which a larger c[0] would help",
-            LinAlgWarning,
-            stacklevel=stacklevel,
-        )
+    if not len(noise) or noise[worst] <= NOISY * X.shape[1]:
+        return ""
+    return (
+        f"(y - mean)ᵀ A⁻¹ (y - mean) is {squares[worst]:.6g} with an error of up to "
+        f"{noise[worst]:.1e}: A is ill-conditioned, for which a larger c[0] would help"
+    )
 
 
-def warn_of_gaps(what: str, error: float, most: float, stacklevel: int) -> None:
-    """Warn where the relative error of what rests on the covariance of the gaps is large."""
-    if error > most:
-        warnings.warn(
-            f"{what} may have a relative error of {error:.1e}: what is missing is so smooth over a "
-            "long gap that its covariance is ill-conditioned, for which a larger c[0] would help",
-            LinAlgWarning,
-            stacklevel=stacklevel,
-        )
+def doubt_of_gaps(what: str, error: float, most: float) -> str:
+    """Return what a warning says where the covariance of the gaps has a large relative error."""
+    if error <= most:
+        return ""
+    return (
+        f"{what} may have a relative error of {error:.1e}: what is missing is so smooth over a "
+        "long gap that its covariance is ill-conditioned, for which a larger c[0] would help"
+    )
+
+
+def warn(*doubts: str, stacklevel: int) -> None:
+    """Warn of what is doubtful, if anything is."""
+    for doubt in filter(None, doubts):
+        warnings.warn(doubt, LinAlgWarning, stacklevel=stacklevel + 1)

@@ -170,39 +170,41 @@ class Point:
 class Search:
     """A search for the largest likelihood, by steps of scoring in a trust region."""
 
-    def __init__(self, data: Data, covariance: Covariance, restricted: bool, maxiter: int) -> None:
-        self.data, self.covariance, self.restricted = data, covariance, restricted
-        self._points: dict[bytes, Point | None] = {}
+    def __init__(
+        self, data: Data, covariance: Covariance, spacing: Any, restricted: bool, maxiter: int
+    ) -> None:
+        self.data, self.covariance, self.spacing = data, covariance, spacing
+        self.restricted = restricted
         self.u = np.empty(0)  # The transformed parameters that were found.
         self.flat = np.empty(0, dtype=bool)  # Which parameters have come to a bound.
         self.iterations, self.converged = 0, True
         self._transform = Transform.of(covariance)
+        self._points: dict[bytes, Point | None] = {}  # Where the search is, and what it tries.
         if len(covariance.theta):
             self._run(covariance.theta, maxiter)
 
     def point(self, theta: Array) -> Point:
         """Return the likelihood of these parameters."""
-        covariance = self.covariance.with_theta(theta)
-        return Point(
-            self.data, self.restricted, *covariance.values_and_gradient(self.data.mask.shape)
+        values = self.covariance.with_theta(theta).values_and_gradient(
+            self.data.mask.shape, spacing=self.spacing
         )
+        return Point(self.data, self.restricted, *values)
 
-    @cached_property
+    @property
     def theta(self) -> Array:
         """The parameters that were found."""
-        return self._transform.back(self.u) if len(self.u) else self.u
+        return self._transform.back(self.u)
 
-    @cached_property
+    @property
     def best(self) -> Point:
         """The likelihood there."""
-        return self._points.get(self.u.tobytes()) or self.point(self.theta)
+        return self._at(self.u) or self.point(self.theta)
 
     def _run(self, theta: Array, maxiter: int) -> None:
         from scipy.optimize import minimize  # It is slow to import.
 
-        theta = self._rescale(theta)
-        self.u = self._transform.forward(theta)
-        self._points[self.u.tobytes()] = self._identify(theta)
+        self.u = self._transform.forward(self._rescale(theta))
+        self._identify()
         refused = 0
 
         def look(intermediate_result: Any) -> None:
@@ -226,21 +228,16 @@ class Search:
         self.converged = self._decrement() <= ENOUGH
 
     def _at(self, u: Array) -> Point | None:
-        """Return the likelihood, or None where the covariance is not positive definite."""
-        key = u.tobytes()
+        """Return the likelihood, or None where the covariance refuses the parameters."""
+        key, here = u.tobytes(), self.u.tobytes()
         if key not in self._points:
-            found = self._try(self._transform.back(u))
-            here = self.u.tobytes()  # All others are of no use any more.
+            try:
+                point = self.point(self._transform.back(u))
+                found = point if np.isfinite(point.value) else None
+            except ValueError:  # A LinAlgError, where it is not positive definite, is one.
+                found = None
             self._points = {k: p for k, p in self._points.items() if k == here} | {key: found}
         return self._points[key]
-
-    def _try(self, theta: Array) -> Point | None:
-        """Return the likelihood, or None where the covariance refuses parameters."""
-        try:
-            point = self.point(theta)
-            return point if np.isfinite(point.value) else None
-        except ValueError:  # A LinAlgError is one.
-            return None
 
     def _slope(self, u: Array) -> Array:
         point = self._at(u)
@@ -273,19 +270,16 @@ class Search:
             return theta
         size = self.data.n_observed - self.restricted * len(self.data.Q)
         scaled = np.where(chosen, point.residual[1][0] / size * theta, theta)
-        return scaled if self._try(scaled) is not None else theta
+        return theta if self._at(self._transform.forward(scaled)) is None else scaled
 
-    def _identify(self, theta: Array) -> Point:
-        """Return the likelihood at the start; refuse parameters that cannot be told apart.
+    def _identify(self) -> None:
+        """Refuse parameters that cannot be told apart.
 
         Information may be singular at the start and nowhere else: so it is at a second place too.
         """
-        first = self.point(theta)
-        wrong = find_dependent(first.information)
+        wrong = find_dependent(self.best.information)
         if wrong.any():
-            u = self._transform.forward(theta)
-            u += 0.1 * np.cos(np.arange(1.0, len(u) + 1.0))
-            second = self._try(self._transform.back(u))
+            second = self._at(self.u + 0.1 * np.cos(np.arange(1.0, len(self.u) + 1.0)))
             wrong = wrong if second is None else find_dependent(second.information)
         if wrong.any():
             names = ", ".join(np.asarray(self.covariance.names)[wrong])
@@ -297,7 +291,6 @@ class Search:
                 else f"the distribution does not depend on the parameter {names}, so that it "
                 f"cannot be estimated: hold it, as covariance.fix({names!r}) does"
             )
-        return first
 
 
 def find_dependent(information: Array) -> Mask:

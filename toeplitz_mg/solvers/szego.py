@@ -55,16 +55,20 @@ class LogDeterminant(NamedTuple):
         """Whether the estimate is within this error for each of so many unknowns."""
         return self.error <= error * max(n, abs(self.value))
 
+    def doubt(self, n: int) -> str:
+        """Return what a warning says where it is inexact, and nothing where it is not."""
+        if self.is_within(INEXACT, n):
+            return ""
+        return (
+            f"log det A is {self.value:.12g} with an error of up to {self.error:.1e}: A is "
+            "ill-conditioned, for which a larger c[0] would help"
+        )
+
 
 def warn_of_error(found: LogDeterminant, n: int, stacklevel: int) -> None:
     """Warn where the estimated error of a log-determinant of n unknowns is large."""
-    if not found.is_within(INEXACT, n):
-        warnings.warn(
-            f"log det A is {found.value:.12g} with an error of up to {found.error:.1e}: A is "
-            "ill-conditioned, for which a larger c[0] would help",
-            scipy.linalg.LinAlgWarning,
-            stacklevel=stacklevel,
-        )
+    if doubt := found.doubt(n):
+        warnings.warn(doubt, scipy.linalg.LinAlgWarning, stacklevel=stacklevel)
 
 
 def log_determinant(
