@@ -33,7 +33,8 @@ class LinearProcess(Kernel):
 class ARMA(LinearProcess):
     """An autoregressive moving average, φ(B) y = θ(B) e with white noise e of variance σ².
 
-    y[k] = φ₁ y[k-1] + … + φ_p y[k-p] + e[k] + θ₁ e[k-1] + … + θ_q e[k-q], as in statsmodels.
+    y[k] = φ₁ y[k-1] + … + φ_p y[k-p] + e[k] + θ₁ e[k-1] + … + θ_q e[k-q], as in statsmodels. It is
+    a process on one axis, in steps: `spacing` does not change it.
 
     Parameters
     ----------
@@ -41,18 +42,13 @@ class ARMA(LinearProcess):
         σ², of the innovations e.
     ar, ma : float, or sequence of float
         φ₁, …, φ_p and θ₁, …, θ_q, of a stationary and invertible process; their names are
-        ``"ar.L1"``, ``"ar.L2"``, … and ``"ma.L1"``, ….
+        ``"ar.L1"``, ``"ar.L2"``, … and ``"ma.L1"``, …. Bounds of several coefficients are necessary
+        for that, but not sufficient: `with_theta` refuses what is not stationary.
 
     See Also
     --------
     ARFIMA : with long memory.
     toeplitz_mg.reflection_coefficients : the partial autocorrelations.
-
-    Notes
-    -----
-    The Yule-Walker equations are solved in 60 digits. Bounds of several coefficients are necessary
-    for stationarity, but not sufficient: `with_theta` refuses what is not stationary. It is a
-    process on one axis, in steps: `spacing` does not change it.
 
     References
     ----------
@@ -61,10 +57,7 @@ class ARMA(LinearProcess):
     Examples
     --------
     >>> from toeplitz_mg.covariances import ARMA
-    >>> k = ARMA(ar=[0.5], ma=[0.4])
-    >>> k.names
-    ('sigma2', 'ar.L1', 'ma.L1')
-    >>> k(4)
+    >>> ARMA(ar=[0.5], ma=[0.4])(4)
     array([2.08, 1.44, 0.72, 0.36])
     """
 
@@ -80,6 +73,9 @@ class ARMA(LinearProcess):
 class ARFIMA(LinearProcess):
     """A fractionally integrated moving average, φ(B) (1 - B)ᵈ y = θ(B) e: long memory for d > 0.
 
+    It is a process on one axis, in steps: `spacing` does not change it. With coefficients it takes
+    long where a root of φ is beside the unit circle.
+
     Parameters
     ----------
     sigma2 : float
@@ -93,12 +89,6 @@ class ARFIMA(LinearProcess):
     --------
     ARMA : with d = 0.
     FractionalGaussianNoise : long memory in another way.
-
-    Notes
-    -----
-    For p = q = 0 the covariances are γ_k = σ² Γ(1 - 2d) Γ(k + d)/(Γ(d) Γ(1 - d) Γ(k + 1 - d)).
-    Otherwise they are convolved with those of ARMA, which takes long where a root of φ is beside
-    the unit circle. It is a process on one axis, in steps: `spacing` does not change it.
 
     References
     ----------

@@ -18,10 +18,6 @@ FAR = 800.0  # Of larger arguments exp(-x) is zero, in double precision.
 class WhiteNoise(Kernel):
     """White noise, of a measurement for example: the variance at lag zero, zero elsewhere.
 
-    Parameters
-    ----------
-    variance : float
-
     See Also
     --------
     Covariance : what can be done with it.
@@ -29,7 +25,7 @@ class WhiteNoise(Kernel):
     Examples
     --------
     >>> from toeplitz_mg.covariances import Exponential, WhiteNoise
-    >>> (Exponential(length=20.0) + WhiteNoise(0.5))(3).round(4)
+    >>> (Exponential(length=20.0) + WhiteNoise(variance=0.5))(3).round(4)
     array([1.5   , 0.9512, 0.9048])
     """
 
@@ -103,7 +99,7 @@ class Matern(Radial):
     Parameters
     ----------
     variance, length : float
-        σ² and ℓ, which may be one for each axis, as of `Exponential`.
+        σ² and ℓ, as of `Exponential`.
     nu : float
         ν, below 100; it is a free parameter unless held by ``.fix("nu")``. The process is
         differentiable k times where ν > k.
@@ -112,10 +108,6 @@ class Matern(Radial):
     --------
     Exponential, SquaredExponential : of which they are those with ν = ½ and of ν → ∞.
 
-    Notes
-    -----
-    K_ν and its derivative by ν are integrated by the trapezoidal rule. Errors are below 1e-12 σ².
-
     References
     ----------
     M. L. Stein, Interpolation of Spatial Data, Springer (1999).
@@ -123,10 +115,7 @@ class Matern(Radial):
     Examples
     --------
     >>> from toeplitz_mg.covariances import Matern
-    >>> k = Matern(length=10.0, nu=1.5).fix("nu")
-    >>> k.names
-    ('variance', 'length')
-    >>> k(3).round(4)
+    >>> Matern(length=10.0, nu=1.5).fix("nu")(3).round(4)
     array([1.    , 0.9866, 0.9522])
     """
 
@@ -160,19 +149,17 @@ CLOSED_FORMS = {
 class SquaredExponential(Radial):
     """The squared exponential, or Gaussian, covariance: σ² exp(-r²/2), r = distance/ℓ.
 
+    Where ℓ is several spacings its matrix is positive definite in double precision only with some
+    `WhiteNoise` beside it.
+
     Parameters
     ----------
     variance, length : float
-        σ² and ℓ, which may be one for each axis, as of `Exponential`.
+        σ² and ℓ, as of `Exponential`.
 
     See Also
     --------
     Matern : processes that are less smooth, with matrices that are better conditioned.
-
-    Notes
-    -----
-    Where ℓ is several spacings its matrix is positive definite in double precision only with some
-    `WhiteNoise` beside it.
 
     Examples
     --------
@@ -190,6 +177,9 @@ class SquaredExponential(Radial):
 class Periodic(Kernel):
     """A periodic covariance, σ² exp(-2/ℓ² Σ sin²(π xᵢ/Tᵢ)), the sum being over the axes.
 
+    Its matrix is singular where the lags are several periods: add `WhiteNoise`, or multiply by a
+    covariance that decays, ``Periodic(period=12.0) * Exponential(length=100.0).fix("variance")``.
+
     Parameters
     ----------
     variance, length, period : float
@@ -199,11 +189,6 @@ class Periodic(Kernel):
     See Also
     --------
     DampedCosine : waves that forget their phase.
-
-    Notes
-    -----
-    Its matrix is singular where the lags are several periods: add `WhiteNoise`, or multiply by a
-    covariance that decays, ``Periodic(period=12.0) * Exponential(length=100.0).fix("variance")``.
 
     Examples
     --------
@@ -233,6 +218,8 @@ class Periodic(Kernel):
 class DampedCosine(Exponential):
     """A damped cosine, σ² exp(-r) Π cos(2π xᵢ/Tᵢ), r = distance/ℓ, the product being over the axes.
 
+    It is positive definite for any length and period, on grids as a product of covariances.
+
     Parameters
     ----------
     variance, length, period : float
@@ -241,10 +228,6 @@ class DampedCosine(Exponential):
     See Also
     --------
     Periodic : waves that keep their phase.
-
-    Notes
-    -----
-    It is positive definite for any length and period, on grids as a product of covariances.
 
     Examples
     --------

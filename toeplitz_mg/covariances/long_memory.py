@@ -17,23 +17,19 @@ DIFFERENCE_LAG, DIFFERENCE_TERMS = 32, 8  # log Γ(k + d) - log Γ(k + 1 - d).
 class FractionalGaussianNoise(Kernel):
     """Fractional Gaussian noise, the increments of fractional Brownian motion.
 
-    At the lag of k steps the covariance is ``σ²/2 (|k + 1|²ᴴ - 2 |k|²ᴴ + |k - 1|²ᴴ)``.
+    At the lag of k steps the covariance is ``σ²/2 (|k + 1|²ᴴ - 2 |k|²ᴴ + |k - 1|²ᴴ)``, without the
+    digits that this formula loses. It is a process on one axis, in steps: `spacing` does not change
+    it.
 
     Parameters
     ----------
-    variance : float
-        σ², of an increment over one step.
-    hurst : float
-        H, between 0 and 1: white noise for ½, long memory above.
+    variance, hurst : float
+        σ², of an increment over one step, and H, between 0 and 1: white noise for ½, long memory
+        above.
 
     See Also
     --------
     ARFIMA : long memory with short memory beside it.
-
-    Notes
-    -----
-    The second difference loses digits as k²: Σ binom(2H, 2j) k^(2H - 2j), over j ≥ 1, is summed.
-    It is a process on one axis, in steps: `spacing` does not change it.
 
     References
     ----------

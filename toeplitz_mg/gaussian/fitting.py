@@ -79,9 +79,8 @@ class NormalFit:
     Attributes
     ----------
     process : ToeplitzNormal
-        The distribution with the estimates.
     covariance : Covariance
-        The covariance with the estimates.
+        The distribution, and the covariance, with the estimates.
     params : dict of str to float
         The estimates: those of the parameters of the covariance, then the coefficients of the mean.
     params_covariance : ndarray
@@ -96,9 +95,8 @@ class NormalFit:
     n_observed : int
         The number of observed values.
     converged : bool
-        Whether the search has found a largest likelihood.
     iterations : int
-        Steps of the search.
+        Whether the search has found a largest likelihood, and its steps.
     at_bounds : tuple of str
         Parameters whose likelihood is largest at a bound.
 
@@ -141,13 +139,6 @@ class NormalFit:
         return float(np.log(self._sizes[1])) * self._sizes[0] - 2.0 * self.loglikelihood
 
     @property
-    def _shown_spacing(self) -> tuple[str, str]:
-        """What the summary says of the spacing: nothing where that is 1."""
-        if {*self.spacing} == {1.0}:
-            return "", ""
-        return "Spacing", ", ".join(f"{each:g}" for each in self.spacing)
-
-    @property
     def _sizes(self) -> tuple[int, int]:
         less = len(self._mean.names) if self.method == "reml" else 0
         return len(self.params) - less, self.n_observed - less
@@ -155,8 +146,8 @@ class NormalFit:
     def intervals(self, confidence: float = 0.95) -> dict[str, tuple[float, float]]:
         """Return confidence intervals of the estimates.
 
-        Those of the covariance are of its transformed parameters, logarithms where there is one
-        bound and logits where there are two, so that no interval leaves the bounds.
+        Those of the covariance are of its parameters as they are searched for, logarithms where
+        there is one bound and logits where there are two: no interval leaves the bounds.
         """
         z, errors = quantile(confidence), np.array([*self.std_errors.values()])
         estimates, p = np.array([*self.params.values()]), len(self.covariance.theta)
@@ -186,25 +177,20 @@ class NormalFit:
         -------
         Prediction
             With `mean`, `std` and `interval(confidence)`, of n + `steps` points, which are Series
-            if `y` was one, with its index going on. Where a value was observed, and without
-            `noise`, it is the mean itself, with a deviation of zero.
+            if `y` was one, with its index going on. Without `noise` the mean is the value itself
+            where one was observed. Deviations contain those of the coefficients of the mean
+            (universal kriging), not those of the parameters of the covariance.
 
         Raises
         ------
         ValueError
             Where the covariance has no such noise, or regressors of the steps are missing.
 
-        Notes
-        -----
-        The deviations contain those of the coefficients of the mean (universal kriging), not those
-        of the parameters of the covariance.
-
         Examples
         --------
-        >>> import numpy as np
         >>> import toeplitz_mg as tmg
         >>> from toeplitz_mg.covariances import Exponential
-        >>> y = [0.0, 1.5, np.nan, 2.0, 1.0, -0.5]
+        >>> y = [0.0, 1.5, float("nan"), 2.0, 1.0, -0.5]
         >>> fit = tmg.ToeplitzNormal.fit(y, Exponential(length=2.0).fix("length"), mean=0.0)
         >>> fit.predict(steps=2).mean.round(3)
         array([ 0.   ,  1.5  ,  1.552,  2.   ,  1.   , -0.5  , -0.303, -0.184])
@@ -238,33 +224,29 @@ class NormalFit:
 
     def summary(self, confidence: float = 0.95) -> str:
         """Return a table of the estimates, as statsmodels prints it."""
+        missing = self._labels.values.size - self.n_observed
         head = (
-            ("Dep. Variable:", self._labels.name, "No. Observations:", f"{self.n_observed}"),
+            ("Dep. Variable:", self._labels.name, "No. Observations:", self.n_observed),
             ("Model:", "ToeplitzNormal", "Log Likelihood", f"{self.loglikelihood:.3f}"),
             ("Method:", self.method.upper(), "AIC", f"{self.aic:.3f}"),
             ("Converged:", str(self.converged), "BIC", f"{self.bic:.3f}"),
-            ("Missing:", f"{self._labels.values.size - self.n_observed}", *self._shown_spacing),
+            ("Missing:", missing, "Spacing", ", ".join(f"{each:g}" for each in self.spacing)),
         )
         lines = [f"{'Gaussian Process Results':^{WIDTH}}".rstrip(), "=" * WIDTH]
-        lines += [f"{a:<16}{b:>22}  {c:<20}{d:>18}".rstrip() for a, b, c, d in head]
+        lines += [f"{a:<16}{b:>22}  {c:<20}{d:>18}" for a, b, c, d in head]
         tail = f"[{0.5 - confidence / 2.0:.3g}", f"{0.5 + confidence / 2.0:.3g}]"
         heads = ("coef", "std err", "z", "P>|z|", *tail)
         wide = max(18, *map(len, self.params))
         lines += ["=" * WIDTH, " " * wide + "".join(f"{h:>10}" for h in heads), "-" * WIDTH]
-        for (name, x), error, ends in zip(
-            self.params.items(),
-            self.std_errors.values(),
-            self.intervals(confidence).values(),
-            strict=True,
-        ):
-            z = x / error if error else np.nan
-            cells = (f"{_cell(x, 4)}", _cell(error), f"{z:.3f}", f"{2.0 * ndtr(-abs(z)):.3f}")
-            row = (*cells, *map(_cell, ends))
-            lines.append(f"{name:<{wide}}" + "".join(f"{cell:>10}" for cell in row))
+        errors, intervals = self.std_errors, self.intervals(confidence)
+        for name, x in self.params.items():
+            z = x / errors[name] if errors[name] else np.nan
+            row = _cell(x, 4), _cell(errors[name]), f"{z:.3f}", f"{2.0 * ndtr(-abs(z)):.3f}"
+            cells = (*row, *map(_cell, intervals[name]))
+            lines.append(f"{name:<{wide}}" + "".join(f"{cell:>10}" for cell in cells))
         lines.append("=" * WIDTH)
         lines += [f"{name} is at a bound: it has no standard error." for name in self.at_bounds]
-        unknown = {name for name, error in self.std_errors.items() if np.isnan(error)}
-        if unknown - {*self.at_bounds}:
+        if {name for name, error in errors.items() if np.isnan(error)} - {*self.at_bounds}:
             lines.append(f"{UNKNOWN}: they have no standard errors.")
         return "\n".join(lines)
 
@@ -279,25 +261,9 @@ class NormalFit:
     ) -> Any:
         """Draw what was observed, and what `predict` returns with its intervals.
 
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw; by default on a new figure.
-        steps, X, noise
-            As for `predict`.
-        confidence : float, optional
-            The probability of the intervals.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        ImportError
-            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
-        ValueError
-            For fields, and as by `predict`.
+        Returns the matplotlib.axes.Axes, which are `ax` or of a new figure. Raises an ImportError
+        where matplotlib is not installed (``pip install 'toeplitz-mg[plot]'``), and a ValueError
+        for fields.
         """
         try:
             from matplotlib import pyplot as plt  # It is an extra, and slow to import.

@@ -158,11 +158,12 @@ class ToeplitzNormal:
             Where the search has not converged, a parameter has come to a bound, or parameters
             cannot be told apart at the estimate; else a LinAlgWarning, as by `logpdf`.
 
-        Notes ----- The coefficients of the mean are those of generalised least squares. The
-        parameters of the covariance, their logarithms where they have a bound, are found by
-        `scipy.optimize.minimize` in a trust region, with exact derivatives and the average
-        information of AI-REML as the curvature. Standard errors are those of Fisher's information
-        tr(A⁻¹ ∂ᵢA A⁻¹ ∂ⱼA)/2, which is exact.
+        Notes
+        -----
+        The coefficients of the mean are those of generalised least squares. The parameters of the
+        covariance, their logarithms where they have a bound, are found by `scipy.optimize.minimize`
+        in a trust region, with exact derivatives and the average information of AI-REML as the
+        curvature. Standard errors are those of Fisher's information, which is exact.
 
         Examples
         --------
@@ -182,7 +183,7 @@ class ToeplitzNormal:
     @property
     def logdet(self) -> float:
         """The log-determinant of A (see `toeplitz_logdet`)."""
-        known = self._observe(None)
+        known = self._observe(np.ones(self.shape, dtype=bool))
         warn(known.doubt, stacklevel=2)
         return known.logdet()
 
@@ -256,8 +257,10 @@ class ToeplitzNormal:
             Derivatives by the values, zero where they are not observed. Those by the means are the
             same with the other sign.
 
-        Notes ----- With α = A⁻¹ (y - mean) the derivative by c_k is Σ_i α_i α_(i+k) - Σ_i
-        (A⁻¹)_(i,i+k), for k = 0 half of that.
+        Notes
+        -----
+        With α = A⁻¹ (y - mean) the derivative by c_k is Σ_i α_i α_(i+k) - Σ_i (A⁻¹)_(i,i+k), for
+        k = 0 half of that.
 
         Examples
         --------
@@ -314,20 +317,16 @@ class ToeplitzNormal:
         """
         if self.noise is None or len(self.shape) > 1:
             raise ValueError("logpdf_estimate is for one axis with noise that differs: use logpdf")
-        residual, mask = _check_series(y, observed, self.mean)
+        rows, mask, lead = _check_series(y, observed, self.mean)
         least = 1e-3 * self.noise.mean() + 1e-300
         level = float(np.exp(np.log(np.maximum(self.noise, least)).mean()))
-        c = self.A.c.copy()
-        c[0] += level
-        equal = ToeplitzNormal(c)
+        equal = ToeplitzNormal(self.A.c + level * np.eye(1, self.A.shape[0])[0])
         draws = equal.rvs((count("probes", probes, least=3),), random_state)
-        inside = np.ones(self.shape, dtype=bool) if mask is None else mask
         known = observe(equal._whole, mask)
-        logdet, error = estimate_logdet(equal.A, known, inside, self.noise - level, draws)
-        _, squares = observe(self._whole, mask, self.noise).solve(residual.reshape(-1, *self.shape))
-        constant = logdet + np.count_nonzero(inside) * float(np.log(2.0 * np.pi))
-        value: Array = -0.5 * (squares + constant).reshape(residual.shape[:-1])
-        return value[()], 0.5 * error
+        logdet, error = estimate_logdet(equal.A, known, mask, self.noise - level, draws)
+        _, squares = observe(self._whole, mask, self.noise).solve(rows)
+        value: Array = -0.5 * (squares + logdet + mask.sum() * np.log(2.0 * np.pi))
+        return value.reshape(lead)[()], 0.5 * error
 
     def whiten(self, y: ArrayLike, observed: ArrayLike | None = None) -> Array:
         """Return independent standard normal numbers in the place of a series of this process.
@@ -347,12 +346,11 @@ class ToeplitzNormal:
         >>> tmg.ToeplitzNormal([1.0, 0.8, 0.64]).whiten([1.0, 0.8, 1.24]).round(6) + 0.0
         array([1., 0., 1.])
         """
-        residual, mask = _check_series(y, observed, self.mean)
+        rows, mask, lead = _check_series(y, observed, self.mean)
         self._require_line("whiten")
-        rows = residual.reshape(-1, *self.shape)
-        if mask is None and self.noise is None:
-            return whiten_rows(self.A.c, rows).reshape(residual.shape)
-        return self._factorise(mask).whiten(rows).reshape(residual.shape)
+        if mask.all() and self.noise is None:
+            return whiten_rows(self.A.c, rows).reshape(*lead, *self.shape)
+        return self._factorise(mask).whiten(rows).reshape(*lead, *self.shape)
 
     def colorize(self, z: ArrayLike) -> Array:
         """Return the series of this process that `whiten` turns into z: mean + L z, in O(n²).
@@ -365,15 +363,14 @@ class ToeplitzNormal:
         >>> tmg.ToeplitzNormal([1.0, 0.8, 0.64], mean=5.0).colorize([1.0, 0.0, 0.0]).round(6)
         array([6.  , 5.8 , 5.64])
         """
-        z = numbers("z", z)
-        rows, _ = _check_series(z, np.ones(self.shape, dtype=bool), np.zeros(self.shape))
+        everywhere = np.ones(self.shape, dtype=bool)
+        rows, _, lead = _check_series(numbers("z", z), everywhere, np.zeros(self.shape))
         self._require_line("colorize")
-        Z = rows.reshape(-1, *self.shape)
         if self.noise is None:
-            Y = Recursion(self.A.c, schur_column(self.A.c)[1]).colour(Z)
+            Y = Recursion(self.A.c, schur_column(self.A.c)[1]).colour(rows)
         else:
-            Y = self._factorise(None).colorize(Z)
-        return Y.reshape(rows.shape) + self.mean
+            Y = self._factorise(everywhere).colorize(rows)
+        return Y.reshape(*lead, *self.shape) + self.mean
 
     def conditional(self, y: ArrayLike, observed: ArrayLike | None = None) -> "Conditional":
         """Return the distribution of all points, given those that are observed (kriging).
@@ -398,14 +395,14 @@ class ToeplitzNormal:
         >>> given.rvs(3, random_state=0).shape
         (3, 5)
         """
-        residual, mask = _check_series(y, observed, self.mean)
-        if residual.shape != self.shape:
+        rows, mask, lead = _check_series(y, observed, self.mean)
+        if lead:
             raise ValueError(
-                f"y has shape {residual.shape}, but must have that of c, {self.shape}: one series"
+                f"y has shape {(*lead, *self.shape)}, but must have that of c, {self.shape}: one "
+                "series"
             )
-        if mask is None:
-            mask = np.ones(self.shape, dtype=bool)
-        return Conditional(self, observe(self._whole, mask, self.noise), mask, residual)
+        known = observe(self._whole, mask, self.noise)
+        return Conditional(self, known, mask, rows.reshape(self.shape))
 
     def forecast(self, y: ArrayLike, steps: int) -> Prediction:
         """Return the means and standard deviations of the next numbers of a series.
@@ -463,14 +460,13 @@ class ToeplitzNormal:
         >>> tmg.ToeplitzNormal([1.0, 0.5, 0.25]).leave_one_out([1.0, 0.5, 1.0]).mean.round(3)
         array([0.25, 0.8 , 0.25])
         """
-        residual, mask = _check_series(y, observed, self.mean)
+        rows, mask, lead = _check_series(y, observed, self.mean)
         known = self._observe(mask)
-        X, _ = known.solve(residual.reshape(-1, self.A.shape[0]))
-        diagonal = known.inverse_diagonal().reshape(self.shape)
-        if mask is not None:
-            diagonal[~mask] = np.nan
-        mean = residual + self.mean - X.reshape(residual.shape) / diagonal
-        return Prediction(mean, 1.0 / np.sqrt(diagonal))
+        X, _ = known.solve(rows)
+        diagonal = known.inverse_diagonal()
+        diagonal[~mask.ravel()] = np.nan
+        mean = (rows - X / diagonal).reshape(*lead, *self.shape) + self.mean
+        return Prediction(mean, 1.0 / np.sqrt(diagonal).reshape(self.shape))
 
     def rvs(self, size: int | tuple[int, ...] | None = 1, random_state: Any = None) -> Array:
         """Draw samples.
@@ -494,9 +490,11 @@ class ToeplitzNormal:
             images do not continue it to that of a periodic field: the message names a grid that is
             large enough.
 
-        Notes ----- A sample is a part of one of a periodic process on a larger grid; or else, of
-        one axis, where the covariance does not decay, each number is drawn from those before it, in
-        O(n²). The error of the covariance is `sampling_error`, at most 1e-6.
+        Notes
+        -----
+        A sample is a part of one of a periodic process on a larger grid; or else, of one axis,
+        where the covariance does not decay, each number is drawn from those before it, in O(n²).
+        The error of the covariance is `sampling_error`, at most 1e-6.
 
         Examples
         --------
@@ -522,13 +520,13 @@ class ToeplitzNormal:
     def _embedding(self) -> Embedding | Recursion:
         return embed(self.A.c, lambda: self._whole.column.x)
 
-    def _observe(self, mask: Mask | None) -> Observed:
+    def _observe(self, mask: Mask) -> Observed:
         """Return what is known, from a dense matrix too as far as the memory goes."""
         return observe(self._whole, mask, self.noise, dense=largest_dense())
 
-    def _factorise(self, mask: Mask | None) -> Few:
+    def _factorise(self, mask: Mask) -> Few:
         """Return the dense factor of what is observed."""
-        index = np.arange(self.A.shape[0]) if mask is None else np.flatnonzero(mask)
+        index = np.flatnonzero(mask)
         if len(index) > largest_dense():
             raise ValueError(
                 f"{len(index)} points are observed, but with gaps or noise a dense matrix is "
@@ -543,15 +541,12 @@ class ToeplitzNormal:
 
     def _logpdf(self, y: ArrayLike, observed: ArrayLike | None) -> tuple[Array, Rows, Observed]:
         """Return the logarithms of the densities, the rows A⁻¹ (y - mean), and what is known."""
-        residual, mask = _check_series(y, observed, self.mean)
+        rows, mask, lead = _check_series(y, observed, self.mean)
         known = self._observe(mask)
-        constant = known.logdet()
-        rows = residual.reshape(-1, self.A.shape[0])
+        constant = known.logdet() + np.log(2.0 * np.pi) * mask.sum()
         X, squares = known.solve(rows)
-        constant += np.log(2.0 * np.pi) * (rows.shape[1] if mask is None else mask.sum())
         warn(known.doubt, doubt_of_form(self.A, X, squares), stacklevel=3)
-        value = -0.5 * (squares + constant)
-        return value.reshape(residual.shape[: residual.ndim - len(self.shape)]), X, known
+        return -0.5 * (squares + constant).reshape(lead), X, known
 
 
 def _check_noise(noise: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -569,10 +564,11 @@ def _check_noise(noise: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def _check_series(
     y: ArrayLike, observed: ArrayLike | None, mean: Array
-) -> tuple[Array, Mask | None]:
-    """Return y - mean, zero where it is not observed, of one or many series; and the mask."""
+) -> tuple[Rows, Mask, tuple[int, ...]]:
+    """Return rows y - mean, zero where not observed; the mask; the shape of the batch of series."""
     residual, shape = fill(y), mean.shape
-    if residual.shape[max(residual.ndim - len(shape), 0) :] != shape:
+    lead = residual.shape[: max(residual.ndim - len(shape), 0)]
+    if residual.shape != (*lead, *shape):
         raise ValueError(
             f"y has shape {residual.shape}, but its last axes must be those of c, {shape}"
         )
@@ -584,16 +580,15 @@ def _check_series(
                 "y has series with different gaps, but those of one call must have the same: give "
                 "one after the other"
             )
-    mask = None if observed is None else _check_observed(observed, shape)
+    mask = _check_observed(np.ones(shape, dtype=bool) if observed is None else observed, shape)
     residual -= mean
-    if mask is not None:
-        residual[..., ~mask] = 0.0
+    residual[..., ~mask] = 0.0
     wrong = np.argwhere(~np.isfinite(residual)).tolist()
     if wrong:
         named = ", ".join(str(tuple(p) if len(p) > 1 else p[0]) for p in wrong[:SHOWN])
         more = f" and {len(wrong) - SHOWN} more positions" if len(wrong) > SHOWN else ""
         raise ValueError(f"y is not finite at {named}{more}, but must be where it is observed")
-    return residual, mask
+    return residual.reshape(-1, mean.size), mask, lead
 
 
 def _check_observed(observed: ArrayLike, shape: tuple[int, ...]) -> Mask:

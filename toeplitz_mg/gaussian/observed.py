@@ -398,25 +398,18 @@ def _by_lags(X: Rows, diagonal_sums: Array) -> Array:
     return by_c
 
 
-def observe(
-    whole: Whole, mask: Mask | None, noise: Array | None = None, *, dense: int = MOST
-) -> Observed:
-    """Return what is known where a mask is true, or everywhere.
+def observe(whole: Whole, mask: Mask, noise: Array | None = None, *, dense: int = MOST) -> Observed:
+    """Return what is known where a mask is true.
 
     A dense matrix is factorised of so many points where there is no other way but an iteration.
     """
-    A = whole.A
-    if mask is None or mask.all():
-        mask = np.ones(A.grid_shape, dtype=bool)
-        if mask.ndim == 1 and noise is None:
-            return whole
     observed = int(np.count_nonzero(mask))
     missing = mask.size - observed
     if mask.ndim == 1 and noise is None and missing <= MOST and missing < observed:
-        return Gaps(whole, np.flatnonzero(~mask))
+        return Gaps(whole, np.flatnonzero(~mask)) if missing else whole
     if observed <= dense:
-        return Few(A, np.flatnonzero(mask), noise)
-    return Many(A, mask, noise)
+        return Few(whole.A, np.flatnonzero(mask), noise)
+    return Many(whole.A, mask, noise)
 
 
 def inverse_block(column: SharpColumn, index: Array) -> Array:
