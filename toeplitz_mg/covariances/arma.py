@@ -64,7 +64,7 @@ class ARMA(LinearProcess):
     def __init__(self, sigma2: Any = 1.0, ar: Any = (), ma: Any = ()) -> None:
         super().__init__(sigma2=sigma2, ar=ar, ma=ma)
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         (sigma2,) = self._values("sigma2")
         values, by = arma(lags.steps("ARMA"), self._values("ar"), self._values("ma"), wanted)
         return sigma2 * values, {name: sigma2 * by[name] for name in by} | {"sigma2": values}
@@ -104,7 +104,7 @@ class ARFIMA(LinearProcess):
     def __init__(self, sigma2: Any = 1.0, d: Any = 0.25, ar: Any = (), ma: Any = ()) -> None:
         super().__init__(sigma2=sigma2, d=d, ar=ar, ma=ma)
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         from scipy.signal import oaconvolve
 
         n, (sigma2,), (d,) = lags.steps("ARFIMA"), self._values("sigma2"), self._values("d")

@@ -5,6 +5,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
+from itertools import chain
 from math import comb, inf
 from operator import add, mul
 from typing import Any, Self
@@ -131,9 +132,15 @@ class Covariance:
     __array_ufunc__ = None  # So that numbers of NumPy leave products to this class.
     _parameters: tuple[Parameter, ...]
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         """Return the values, and the derivatives by the parameters of these names at least."""
         raise NotImplementedError
+
+    def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
+        """Return the values, and the derivatives by the free parameters if they are wanted."""
+        wanted = self.names if wants_gradient else ()
+        values, by = self._derive(lags, frozenset(wanted))
+        return values, [by[name] for name in wanted]
 
     def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
         """Return it with other values of the parameters, or with others free."""
@@ -202,7 +209,7 @@ class Covariance:
 
     def __call__(self, n: Any, *, spacing: Any = 1.0) -> Array:
         """Return the covariances at the lags of a grid: the first column of a Toeplitz matrix."""
-        return self._evaluate(Lags(n, spacing), frozenset())[0]
+        return self._evaluate(Lags(n, spacing), False)[0]
 
     def gradient(self, n: Any, *, spacing: Any = 1.0) -> Array:
         """Return the derivatives by the free parameters, as `values_and_gradient` does."""
@@ -218,9 +225,9 @@ class Covariance:
             The derivative of a log-likelihood by `theta` is the inner product of each row with the
             `by_c` of `ToeplitzNormal.logpdf_and_grad`.
         """
-        lags, names = Lags(n, spacing), self.names
-        values, by = self._evaluate(lags, frozenset(names))
-        return values, np.array([by[name] for name in names]).reshape(len(names), *lags.shape)
+        lags = Lags(n, spacing)
+        values, rows = self._evaluate(lags, True)
+        return values, np.array(rows).reshape(len(rows), *lags.shape)
 
     def __add__(self, other: Any) -> "Covariance":
         return Sum(self, other) if isinstance(other, Covariance) else NotImplemented
@@ -273,80 +280,61 @@ class Kernel(Covariance):
 class Composed(Covariance):
     """A multiple of the sum or the product of terms, whose parameters are theirs."""
 
-    _terms: dict[str, Covariance]  # By what stands before the names of their parameters.
+    _terms: tuple[Covariance, ...]
     _factor: float
 
     def __init__(self, *given: Covariance, factor: float = 1.0) -> None:
         terms: list[Covariance] = []
         for term in given:
             if isinstance(term, Composed) and type(term) is type(self):
-                terms += term._terms.values()  # (a + b) + c is a + b + c.
+                terms += term._terms  # (a + b) + c is a + b + c.
                 factor *= term._factor
             else:
                 terms.append(term)
-        self._terms = {f"{i}." if len(terms) > 1 else "": term for i, term in enumerate(terms)}
-        self._factor = factor
+        self._terms, self._factor = tuple(terms), factor
 
     @property
     def _parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        is_one = len(self._terms) == 1
         return tuple(
-            replace(p, name=prefix + p.name, group=prefix + p.group)
-            for prefix, term in self._terms.items()
+            p if is_one else replace(p, name=f"{i}.{p.name}", group=f"{i}.{p.group}")
+            for i, term in enumerate(self._terms)
             for p in term._parameters
         )
 
     def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
         given, terms = iter(parameters), []
-        for term in self._terms.values():
+        for term in self._terms:
             pairs = zip(term._parameters, given, strict=False)
             changed = (replace(p, value=new.value, is_free=new.is_free) for p, new in pairs)
             terms.append(term._replaced(tuple(changed)))
         return type(self)(*terms, factor=self._factor)
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        values, each = [], {}
-        for prefix, term in self._terms.items():
-            names = (name.removeprefix(prefix) for name in wanted if name.startswith(prefix))
-            value, each[prefix] = term._evaluate(lags, frozenset(names))
-            values.append(value)
-        found: Derivatives = {}
-        for i, (prefix, by) in enumerate(each.items()):
-            slope = self._slope(values[:i] + values[i + 1 :])
-            found |= {prefix + name: slope * derivative for name, derivative in by.items()}
-        return self._combine(values), found
-
-    def _combine(self, values: list[Array]) -> Any:
-        """Return the values, from those of the terms."""
-        raise NotImplementedError
-
-    def _slope(self, values: list[Array]) -> Any:
-        """Return the derivative by one of the terms, from the values of the others."""
-        raise NotImplementedError
-
 
 class Sum(Composed):
     """The sum of covariances, as of independent processes."""
 
-    def _combine(self, values: list[Array]) -> Any:
-        return reduce(add, values)
-
-    def _slope(self, values: list[Array]) -> Any:
-        return 1.0
+    def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
+        values, rows = zip(*(t._evaluate(lags, wants_gradient) for t in self._terms), strict=True)
+        return reduce(add, values), [*chain(*rows)]
 
     def __repr__(self) -> str:
-        return " + ".join(map(repr, self._terms.values()))
+        return " + ".join(map(repr, self._terms))
 
 
 class Product(Composed):
     """The product of covariances, and of a number."""
 
-    def _combine(self, values: list[Array]) -> Any:
-        return reduce(mul, values, self._factor)
-
-    _slope = _combine  # It is the product of the others.
+    def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
+        values, each = zip(*(t._evaluate(lags, wants_gradient) for t in self._terms), strict=True)
+        rows: list[Array] = []
+        for i, own in enumerate(each):
+            others = reduce(mul, values[:i] + values[i + 1 :], np.array(self._factor))
+            rows += [others * row for row in own]
+        return reduce(mul, values, self._factor), rows
 
     def __repr__(self) -> str:
-        terms = [f"({t!r})" if isinstance(t, Sum) else repr(t) for t in self._terms.values()]
+        terms = [f"({t!r})" if isinstance(t, Sum) else repr(t) for t in self._terms]
         return " * ".join([repr(self._factor)] * (self._factor != 1.0) + terms)
 
 
@@ -405,7 +393,7 @@ class Custom(Covariance):
             for name, *each in zip(names, values.tolist(), *limits.T.tolist(), strict=True)
         )
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         x = np.stack(np.broadcast_arrays(*lags.distances()))
         x = x[0] if len(lags.shape) == 1 else x
         theta = [p.value for p in self._parameters]

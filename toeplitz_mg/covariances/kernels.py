@@ -32,7 +32,7 @@ class WhiteNoise(Kernel):
     def __init__(self, variance: Any = 1.0) -> None:
         super().__init__(variance=variance)
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         unit = np.zeros(lags.shape)
         unit.flat[0] = 1.0
         return self._values("variance")[0] * unit, {"variance": unit}
@@ -48,7 +48,7 @@ class Radial(Kernel):
         """Return ρ(r), -r ρ'(r), and the derivatives of ρ by parameters beside the length."""
         raise NotImplementedError
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         lengths, (variance,) = self._values("length"), self._values("variance")
         each = lags.by_axis(lengths, "length")
         parts = [x / scale for x, scale in zip(lags.distances(), each, strict=True)]
@@ -200,7 +200,7 @@ class Periodic(Kernel):
     def __init__(self, variance: Any = 1.0, length: Any = 1.0, period: Any = 1.0) -> None:
         super().__init__(variance=variance, length=length, period=period)
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         (variance,), (length,) = self._values("variance"), self._values("length")
         periods = lags.by_axis(self._values("period"), "period")
         turns = list(lags.turns(periods))
@@ -239,11 +239,11 @@ class DampedCosine(Exponential):
     def __init__(self, variance: Any = 1.0, length: Any = 1.0, period: Any = 1.0) -> None:
         Kernel.__init__(self, variance=variance, length=length, period=period)
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         periods = lags.by_axis(self._values("period"), "period")
         angles = [2.0 * pi * turn for turn in lags.turns(periods)]
         cosines = [np.cos(angle) for angle in angles]
-        damping, by = super()._evaluate(lags, wanted)
+        damping, by = super()._derive(lags, wanted)
         cosine = reduce(mul, cosines)
         by = {name: derivative * cosine for name, derivative in by.items()}
         if wanted:

@@ -46,7 +46,7 @@ class FractionalGaussianNoise(Kernel):
     def __init__(self, variance: Any = 1.0, hurst: Any = 0.75) -> None:
         super().__init__(variance=variance, hurst=hurst)
 
-    def _evaluate(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         n = lags.steps("FractionalGaussianNoise")
         (variance,), (hurst,) = self._values("variance"), self._values("hurst")
         rho, by_hurst = fractional_noise(n, hurst)
