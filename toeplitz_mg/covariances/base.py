@@ -281,7 +281,7 @@ class Composed(Covariance):
     """A multiple of the sum or the product of terms, whose parameters are theirs."""
 
     _terms: tuple[Covariance, ...]
-    _factor: float
+    _factor: Any  # A number.
 
     def __init__(self, *given: Covariance, factor: float = 1.0) -> None:
         terms: list[Covariance] = []
@@ -329,7 +329,7 @@ class Product(Composed):
         values, each = zip(*(t._evaluate(lags, wants_gradient) for t in self._terms), strict=True)
         rows: list[Array] = []
         for i, own in enumerate(each):
-            others = reduce(mul, values[:i] + values[i + 1 :], np.array(self._factor))
+            others = reduce(mul, values[:i] + values[i + 1 :], self._factor)
             rows += [others * row for row in own]
         return reduce(mul, values, self._factor), rows
 
