@@ -48,13 +48,8 @@ class Mean:
         given = getattr(X, "columns", [f"x{k + 1}" for k in range(columns.shape[-1])])
         slopes = ["slope"] if len(shape) == 1 else [f"slope.{k}" for k in range(len(shape))]
         names = ["mean"] * bool(trend) + slopes * (trend == "linear") + [*map(str, given)]
-        result = cls(trend, offset, columns, tuple(names), spacing)
-        result.known(shape)
-        return result
-
-    def known(self, shape: tuple[int, ...]) -> Array:
-        """Return the offset on a grid."""
-        return spread_mean(self.offset, shape)
+        spread_mean(offset, shape)
+        return cls(trend, offset, columns, tuple(names), spacing)
 
     def rows(self, shape: tuple[int, ...], more: Any = None) -> Rows:
         """Return the regressors on a grid, each a row; `more` are those of steps that follow."""
@@ -206,7 +201,9 @@ class NormalFit:
         c = self.covariance(y.shape, spacing=self.spacing)
         p, there = len(self.params) - len(rows), ~np.isnan(y).ravel()
         trend = (np.array([*self.params.values()])[p:] @ rows).reshape(y.shape)
-        given = type(self.process)(c, self._mean.known(y.shape) + trend).conditional(y)
+        given = type(self.process)(c, spread_mean(self._mean.offset, y.shape) + trend).conditional(
+            y
+        )
         known, observed = given.known, rows * there
         mean, variance = given.mean.ravel(), given.warned_variance().ravel()
         left = rows - known.estimate(observed) if len(rows) else rows
@@ -331,7 +328,7 @@ def fit_normal(
     trend = params[p:] @ model.rows(shape)
     fitted = covariance.with_theta(search.theta)
     return NormalFit(
-        process=kind(best.c, model.known(shape) + trend.reshape(shape)),
+        process=kind(best.c, spread_mean(model.offset, shape) + trend.reshape(shape)),
         covariance=fitted,
         params=dict(zip(names, params.tolist(), strict=True)),
         params_covariance=errors,
@@ -363,7 +360,7 @@ def _arrange(values: Array, model: Mean, parameters: int) -> tuple[Data, Array, 
     """Return what was observed, orthonormal regressors R⁻ᵀ X, R, and least squares of X."""
     mask = ~np.isnan(values)
     inside, X = mask.ravel(), model.rows(values.shape)
-    y = (values - model.known(values.shape)).ravel()[inside]
+    y = (values - spread_mean(model.offset, values.shape)).ravel()[inside]
     if len(y) <= len(X) + parameters:
         raise ValueError(
             f"y has {len(y)} observed values, but must have more than there are parameters, "

@@ -1,9 +1,6 @@
-"""What is known of the covariance of the observed points of a grid: solves, log-determinants.
+"""What is known of the covariance A_oo of the observed points of a grid: `observe` chooses how.
 
-`observe` chooses by how many points are observed and missing: a series without gaps is a `Whole`,
-one with few a `Gaps`, a grid of few observed points a `Few`, which may have noise that differs by
-point, and any other a `Many`, which has no log-determinant. All have the same methods; A_oo is the
-covariance of the observed points, and E extends these by zeros to the grid.
+E extends what is observed by zeros to the grid.
 """
 
 import os
@@ -46,7 +43,7 @@ NOISY = 1e-3  # Rounding of a quadratic form, for each unknown, above which ther
 
 
 class Known:
-    """What is known of observed points, without an estimate of its error."""
+    """What is known of observed points."""
 
     A: ToeplitzOperator
 
@@ -153,8 +150,7 @@ class Gaps(Known):
     def _continue(self, Y: Rows) -> tuple[Rows, Rows]:
         """Return v, which continues y into the gaps as well as can be, and A⁻¹ v.
 
-        The second step makes up for the rounding of the first, whose y falls to zero there, and
-        changes v so little that a refinement of A⁻¹ v makes up for that.
+        The second step makes up for the rounding of the first, whose y falls to zero there.
         """
         V, m = Y.copy(), self.missing
         for _ in range(2):
@@ -399,9 +395,10 @@ def _by_lags(X: Rows, diagonal_sums: Array) -> Array:
 
 
 def observe(whole: Whole, mask: Mask, noise: Array | None = None, *, dense: int = MOST) -> Observed:
-    """Return what is known where a mask is true.
+    """Return what is known where a mask is true: a `Whole`, `Gaps`, `Few` or `Many`.
 
-    A dense matrix is factorised of so many points where there is no other way but an iteration.
+    A dense matrix of at most `dense` points is factorised where there is no other way but an
+    iteration, which has no log-determinant.
     """
     observed = int(np.count_nonzero(mask))
     missing = mask.size - observed

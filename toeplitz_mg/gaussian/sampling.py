@@ -1,8 +1,4 @@
-"""Samples of a stationary Gaussian process, from a periodic one on a larger grid.
-
-Where there is none, as for most processes that are periodic themselves, the points of one axis
-are drawn one after the other.
-"""
+"""Samples of a stationary process, from a periodic one on a larger grid, or point by point."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -88,9 +84,9 @@ class Recursion:
 
 
 def embed(c: Array, column: Callable[[], Array]) -> Embedding | Recursion:
-    """Continue a covariance periodically; `column` returns A⁻¹ e₁ of one axis.
+    """Return a way to draw samples; `column` returns A⁻¹ e₁ of one axis.
 
-    Of one axis there is a way for each that is positive definite, of several an error may say how
+    Of one axis there is one for each that is positive definite, of several an error may say how
     large a grid would do.
     """
     embedding = embed_in_circulant(c)
@@ -123,8 +119,7 @@ def embed(c: Array, column: Callable[[], Array]) -> Embedding | Recursion:
 def embed_in_circulant(c: Array) -> Embedding | None:
     """Continue a covariance by its mirror image, or return None where that is none.
 
-    An eigenvalue is zero where it is so within the rounding of the transform; none below that is
-    made zero.
+    Eigenvalues are zero within the rounding of the transform; none below that is made zero.
     """
     mirrored = np.pad(c, [(0, max(n - 2, 0)) for n in c.shape], mode="reflect")
     spectrum = fourier.rfftn(mirrored).real
