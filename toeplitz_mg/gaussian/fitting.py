@@ -201,9 +201,8 @@ class NormalFit:
         c = self.covariance(y.shape, spacing=self.spacing)
         p, there = len(self.params) - len(rows), ~np.isnan(y).ravel()
         trend = (np.array([*self.params.values()])[p:] @ rows).reshape(y.shape)
-        given = type(self.process)(c, spread_mean(self._mean.offset, y.shape) + trend).conditional(
-            y
-        )
+        process = type(self.process)(c, spread_mean(self._mean.offset, y.shape) + trend)
+        given = process.conditional(y)
         known, observed = given.known, rows * there
         mean, variance = given.mean.ravel(), given.warned_variance().ravel()
         left = rows - known.estimate(observed) if len(rows) else rows
