@@ -1,7 +1,9 @@
 """What the solvers are for: contact of elastic half-spaces."""
 
 from toeplitz_mg.contact import surfaces
+from toeplitz_mg.contact.curves import LoadCurve, RollingSteps
 from toeplitz_mg.contact.doubts import ContactWarning
+from toeplitz_mg.contact.interface import interfacial_stiffness
 from toeplitz_mg.contact.normal.problem import load_curve, normal_contact
 from toeplitz_mg.contact.results import (
     ContactError,
@@ -35,8 +37,10 @@ __all__ = [
     "FrictionalResult",
     "HertzContact",
     "KalkerCoefficients",
+    "LoadCurve",
     "Material",
     "NormalResult",
+    "RollingSteps",
     "SteadyOptions",
     "Stresses",
     "TangentialResult",
@@ -45,6 +49,7 @@ __all__ = [
     "frictional_contact",
     "frictional_rolling",
     "hertz",
+    "interfacial_stiffness",
     "kalker_coefficients",
     "load",
     "load_curve",

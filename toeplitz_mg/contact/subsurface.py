@@ -114,7 +114,7 @@ class Stresses(Result):
             Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
         """
         places = dict(zip(("depth", *"xy"), (self.depths, *self.centres), strict=False))
-        return files.import_xarray().Dataset(
+        return files.import_extra("xarray", "to_xarray").Dataset(
             {name: ((*places,), values, {"units": "N/mm²"}) for name, values in self.fields()},
             {name: (name, values, {"units": "mm"}) for name, values in places.items()},
             {"kind": "Stresses", "body": self.body},

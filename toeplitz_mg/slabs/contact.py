@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg import contact
 from toeplitz_mg._typing import Array, Element, Numbers
 from toeplitz_mg.contact.checks import check_pressed, read_bound, require_pressed
+from toeplitz_mg.contact.curves import RollingSteps
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
 from toeplitz_mg.halfspace.materials import Bodies
@@ -41,9 +42,9 @@ element, material
     Those of `contact.{name}`, the same on all ranks, but `progress`: {taken}.
     A `previous` result, and each component of a field, has this rank's rows.
 
-{gives}
-{line}
-TangentialResult
+Returns
+-------
+TangentialResult, or RollingSteps
     As that of `normal_contact`. Of several steps all ranks have to take the same number.
 
 See Also
@@ -134,7 +135,9 @@ def _on_rows(
         given = {**given, "progress": shared}
     with shared.heard():
         found = solve(**given)
-    return found if isinstance(found, TangentialResult | NormalResult) else _hear(found, shared)
+    if not isinstance(found, RollingSteps):
+        return found
+    return RollingSteps(_hear(found, shared), found.points, found.keep)
 
 
 def _hear(results: Iterator[Any], shared: SharedProgress) -> Iterator[Any]:
@@ -157,7 +160,7 @@ def _read_bound(
     return read_bound(pressed, mu), pressed.element, pressed.material
 
 
-def _with_friction(function: Callable[..., Any], gives: str, *names: str) -> Callable[..., Any]:
+def _with_friction(function: Callable[..., Any], *names: str) -> Callable[..., Any]:
     """Return a function of `contact` for pressed bodies, with these arguments, on slabs."""
 
     def on_slabs(
@@ -173,20 +176,20 @@ def _with_friction(function: Callable[..., Any], gives: str, *names: str) -> Cal
         bodies = pressed, bound, mu
         return _on_rows(function, names, bodies, slab, element, material, arguments)
 
-    name, taken, line = function.__name__, ", ".join(names), "-" * len(gives)
+    name, taken = function.__name__, ", ".join(names)
     summary = (function.__doc__ or "").split("\n")[0].split(":")[0].rstrip(".")
-    on_slabs.__doc__ = DOC.format(summary=summary, name=name, taken=taken, gives=gives, line=line)
+    on_slabs.__doc__ = DOC.format(summary=summary, name=name, taken=taken)
     on_slabs.__name__ = on_slabs.__qualname__ = name
     on_slabs.__module__ = "toeplitz_mg.slabs"
     return on_slabs
 
 
 friction: Callable[..., TangentialResult] = _with_friction(
-    contact.friction, "Returns", "shift", "force", "previous", *SEARCH
+    contact.friction, "shift", "force", "previous", *SEARCH
 )
 rolling: Callable[..., TangentialResult] = _with_friction(
-    contact.rolling, "Returns", *MOTION, "moment", *SEARCH, "options"
+    contact.rolling, *MOTION, "moment", *SEARCH, "options"
 )
-rolling_steps: Callable[..., Iterator[TangentialResult]] = _with_friction(
-    contact.rolling_steps, "Yields", *MOTION, "steps", "previous", *SEARCH[:1], *SEARCH[2:]
+rolling_steps: Callable[..., RollingSteps] = _with_friction(
+    contact.rolling_steps, *MOTION, "steps", "previous", *SEARCH[:1], *SEARCH[2:], "keep"
 )

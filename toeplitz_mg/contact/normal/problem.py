@@ -26,6 +26,7 @@ from toeplitz_mg.contact.checks import (
     check_same_grid,
     measure_from_contact,
 )
+from toeplitz_mg.contact.curves import LoadCurve
 from toeplitz_mg.contact.gaps import read_surface
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.inverse import invert_on
@@ -360,7 +361,8 @@ def load_curve(
     nested: bool = True,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> Iterator[NormalResult]:
+    keep: bool = True,
+) -> LoadCurve:
     """Press two bodies together under several loads, one after the other.
 
     Each result is the first guess of the next one: from the last two the edge of the contact is
@@ -381,12 +383,15 @@ def load_curve(
         The approaches, mm. Either these or the forces are given.
     reference, periodic, hardness, tolerance, nested, max_products, progress
         As `normal_contact` takes them, for each load.
+    keep : bool
+        Whether the curve keeps its results. Otherwise it keeps their numbers, and the memory is
+        that of a few fields for any number of loads.
 
     Returns
     -------
-    iterator of NormalResult
-        One for each load, when it is asked for: a list of them keeps the fields of all.
-        `NormalResult.stiffness` is the slope of the curve.
+    LoadCurve
+        An iterator that computes the result for each load when it is asked for, with `plot`,
+        `to_dataframe`, `to_xarray` and `save`. `NormalResult.stiffness` is the slope of the curve.
 
     Warns
     -----
@@ -442,14 +447,13 @@ def load_curve(
             if result.plastic is not None:
                 dents = dents + result.plastic
                 result = replace(result, plastic=dents)
-            doubts.warn(check_converged(result, tolerance).warnings)
-            yield result
+            yield check_converged(result, tolerance)
             if result.products:  # Without a load there was nothing to find.
                 if len(known) != 1:  # A beginning with one result says nothing of one with two.
                     after, alone = (result.products, alone) if begins else (after, result.products)
                 known, known_load = (*known, result)[-2:], load
 
-    return solve()
+    return LoadCurve(solve(), len(loads), bool(keep))
 
 
 def _check_loads(

@@ -13,6 +13,7 @@ import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
+from importlib import import_module
 from math import prod
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
@@ -85,7 +86,7 @@ def load(path: str | os.PathLike[str]) -> Any:
 
     Returns
     -------
-    NormalResult, TangentialResult, FrictionalResult, CreepCurve or Stresses
+    NormalResult, TangentialResult, FrictionalResult, Stresses, CreepCurve, LoadCurve, RollingSteps
         What was saved.
 
     Raises
@@ -209,8 +210,13 @@ def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     elif hasattr(result, "units"):
         about |= {"units": result.units}
     for name, part in _parts(result).items():
-        own, about["parts"][name] = _describe(part)
-        arrays |= {f"{name}_{key}": x for key, x in own.items()}
+        several = isinstance(part, list)
+        parts = {f"{name}_{k}": x for k, x in enumerate(part)} if several else {name: part}
+        described = {prefix: _describe(x) for prefix, x in parts.items()}
+        for prefix, (own, _) in described.items():
+            arrays |= {f"{prefix}_{key}": x for key, x in own.items()}
+        texts = [text for _, text in described.values()]
+        about["parts"][name] = texts if several else texts[0]
     return arrays, about
 
 
@@ -226,6 +232,10 @@ def _compose(
     given = {name: _thaw(value) for name, value in about["values"].items()}
     sizes = dict(sizes or {}) | _find_sizes(arrays, given)
     for name, part in about.get("parts", {}).items():
+        if isinstance(part, list):
+            parts = [(arrays.of_part(f"{name}_{k}"), one) for k, one in enumerate(part)]
+            given[name] = [_compose(own, one) for own, one in parts]
+            continue
         given[name] = _compose(arrays.of_part(name), part, sizes)
         sizes.setdefault("grid", getattr(given[name], "shape", ()))
     if "material" in about:
@@ -272,19 +282,19 @@ def _check_sums(given: Mapping[str, Any]) -> None:
         raise ValueError(f"the sum of its {field} is {total}, but its force is {given['force']}")
 
 
-def import_xarray() -> Any:
-    """Return xarray, which is an extra, and slow to import, or say how to install it."""
+def import_extra(name: str, method: str) -> Any:
+    """Return xarray or pandas, extras that are slow to import, or say how to install them."""
     try:
-        import xarray
+        return import_module(name)
     except ImportError as error:
-        raise ImportError("to_xarray() needs xarray: pip install 'toeplitz-mg[xarray]'") from error
-    return xarray
+        raise ImportError(f"{method}() needs {name}: pip install 'toeplitz-mg[xarray]'") from error
 
 
 def _parts(result: Any) -> dict[str, Any]:
-    """Return the parts of a result that have fields of their own."""
+    """Return the parts of a result that have fields of their own, and lists of such parts."""
     own = {field.name: vars(result)[field.name] for field in fields(result)}
-    return {k: value for k, value in own.items() if k != "material" and is_dataclass(value)}
+    kinds = {k: is_dataclass(value) or type(value) is list for k, value in own.items()}
+    return {k: value for k, value in own.items() if k != "material" and kinds[k]}
 
 
 def _list_parts(result: Any) -> dict[str, Any]:
@@ -323,7 +333,7 @@ def to_xarray(result: Any) -> Any:
     ImportError
         Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
     """
-    xarray = import_xarray()
+    xarray = import_extra("xarray", "to_xarray")
     if parts := {name: to_xarray(part) for name, part in _list_parts(result).items()}:
         fields_of = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.items()}
         about = {f"{name}_{k}": x for name, part in parts.items() for k, x in part.attrs.items()}

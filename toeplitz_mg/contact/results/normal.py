@@ -114,10 +114,10 @@ class NormalResult(GridResult):
     periodic: tuple[bool, ...] = ()
     plastic: Annotated[Array | None, Quantity("mm", "grid", shades="Purples")] = None
     stiffness: Annotated[OnDemand, Quantity("stiffness")] = OnDemand()
-    products: int = 0
+    products: Annotated[int, Quantity("", kind="i")] = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
-    residual: float = 0.0
+    residual: Annotated[float, Quantity("")] = 0.0
     warnings: tuple[str, ...] = ()
 
     # What only tangential contact has.

@@ -14,6 +14,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 
 TOGETHER, ENERGY = "displacement of both bodies", "elastic energy"  # Names of two quantities.
+CREEPAGES = ("longitudinal", "lateral", "spin")
 VECTORS = "grid | 2, grid"  # The axes of what has a direction, along x alone or along both axes.
 
 

@@ -124,10 +124,10 @@ class TangentialResult(GridResult):
     creepages: Annotated[Any, Quantity("creepages", "3", beyond="nan")] = None
     moment: Annotated[float | None, Quantity("N mm")] = None
     power: Annotated[float, Quantity("loss", beyond="nan")] = 0.0
-    products: int = 0
+    products: Annotated[int, Quantity("", kind="i")] = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
-    residual: float = 0.0
+    residual: Annotated[float, Quantity("")] = 0.0
     warnings: tuple[str, ...] = ()
 
     # What only normal contact has.

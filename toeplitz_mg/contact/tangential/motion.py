@@ -25,10 +25,10 @@ from toeplitz_mg.contact.checks import check_force, widen
 from toeplitz_mg.contact.doubts import examine_creepages, examine_moment
 from toeplitz_mg.contact.gaps import in_order
 from toeplitz_mg.contact.grid import keep
+from toeplitz_mg.contact.results.quantities import CREEPAGES
 from toeplitz_mg.contact.tangential.law import size
 from toeplitz_mg.values import field, finite, in_range, in_unit, refuse_masked
 
-CREEPAGES = ("longitudinal", "lateral", "spin")
 DEPENDENT = 1e-12  # Slip by a unit of spin, over the size of an element, that is rounding.
 LARGEST = 1e15  # The largest creepage, beside which nothing is left of displacements.
 LOADS = ("the force along x", "the force along y", "the moment")

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from toeplitz_mg._typing import Array, Element, Numbers, Progress
 from toeplitz_mg.contact import doubts
 from toeplitz_mg.contact.checks import check_iteration, check_previous, check_rolled, is_lateral
+from toeplitz_mg.contact.curves import RollingSteps
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
@@ -51,7 +52,8 @@ def rolling_steps(
     tolerance: float = 1e-8,
     max_products: int = 2000,
     progress: Progress | None = None,
-) -> Iterator[TangentialResult]:
+    keep: bool = True,
+) -> RollingSteps:
     """Roll step by step, one element in each, from given tractions (Eq. 8).
 
     Parameters
@@ -72,11 +74,14 @@ def rolling_steps(
         for each of them.
     progress : callable, optional
         Called as ``progress(products, residual)`` after each product of a step.
+    keep : bool
+        Whether the results of all steps are kept, or but their numbers.
 
-    Yields
-    ------
-    TangentialResult
-        The result after each step, with the slip over the distance rolled.
+    Returns
+    -------
+    RollingSteps
+        An iterator that computes the result after each step when it is asked for, with the slip
+        over the distance rolled; with `plot`, `to_dataframe`, `to_xarray` and `save`.
 
     Warns
     -----
@@ -122,7 +127,8 @@ def rolling_steps(
     search = tolerance, max_products, progress
     asked = grid.agree(Stepped.of, grid, g.shape, motion, steps, previous, *search)
     about = doubts.examine_friction(grid, mu)
-    return roll_steps(grid, g, asked, progress, about)
+    results = roll_steps(grid, g, asked, progress, about)
+    return RollingSteps(results, asked.steps, bool(keep))
 
 
 @dataclass(frozen=True)

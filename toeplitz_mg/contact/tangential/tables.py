@@ -2,37 +2,33 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array, Element, Numbers
 from toeplitz_mg.contact import doubts, surfaces
+from toeplitz_mg.contact.curves import Curve
 from toeplitz_mg.contact.grid import DENSE, Grid
-from toeplitz_mg.contact.results import NormalResult, TangentialResult, files, pictures
-from toeplitz_mg.contact.results.base import (
-    Figure,
-    Result,
-    Summary,
-    describe_cost,
-    list_figures,
-    span,
-)
-from toeplitz_mg.contact.results.quantities import Quantity, name_units
-from toeplitz_mg.contact.tangential.motion import CREEPAGES
+from toeplitz_mg.contact.results import NormalResult, TangentialResult, files
+from toeplitz_mg.contact.results.base import Figure, Summary, list_figures, span
+from toeplitz_mg.contact.results.quantities import CREEPAGES, Quantity, require_whole
 from toeplitz_mg.contact.tangential.rolling import Rolled, roll, rolling
 from toeplitz_mg.halfspace.materials import Bodies, Material, check_ratio
 from toeplitz_mg.values import count, field, positive
 
 ELEMENTS = 64  # Across Kalker's contact: with those of half as many, errors are some 0.3 %.
 EXACT = 1e-6  # Tolerance of his coefficients: far below the error of the grid.
+# Least share of its ellipse that a contact fills: an ellipse along x or y fills 1, and a rectangle
+# 0.95, but a triangle 0.83, and an ellipse of 2 to 1 that lies aslant 0.8.
+FULL = 0.9
 LEAST, MOST = 0.01, 100.0  # Ratios of the half-axes: beyond, a contact is a line.
 
 
 @files.loadable
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class CreepCurve(Result):
+class CreepCurve(Curve):
     """Forces over creepages, a row for each point (see `creep_curve`).
 
     Attributes
@@ -64,54 +60,7 @@ class CreepCurve(Result):
     products: Annotated[Array, Quantity("", "points", "i")]
     element: tuple[float, ...]
 
-    def __repr__(self) -> str:
-        """Return the creepages and the forces in one line."""
-        few = ", ".join(f"{figure.name} {figure.text}" for figure in self._figures()[:2])
-        return f"<CreepCurve {len(self.force)} points: {few}; {self._cost}>"
-
-    @property
-    def units(self) -> dict[str, str]:
-        """The units of the attributes, by their names."""
-        return name_units(self)
-
-    def plot(self, ax: Any = None, *, friction: float | None = None) -> Any:
-        """Draw the forces over the creepage that varies, or over the first that does.
-
-        Parameters
-        ----------
-        ax : matplotlib.axes.Axes, optional
-            Where to draw, as beside other curves; by default on a new figure.
-        friction : float, optional
-            The force μ P, N; in plane strain N/mm. Then -F/(μ P) is drawn, as in the literature:
-            upwards where the creepage is positive, as forces are against it, and 1 at most.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        ImportError
-            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
-        """
-        factor, drawn = 1.0, f"force [{self.units['force']}]"
-        if friction is not None:
-            factor, drawn = -1.0 / positive("friction", friction, self.units["force"]), "-F/(μ P)"
-        ax = pictures.find_axes(ax)
-        points = self.creepages.reshape(len(self.force), -1).T
-        over = next((k for k, x in enumerate(points) if np.ptp(x) > 0.0), 0)
-        for name, values in zip("xy", np.atleast_2d(self.force.T), strict=False):
-            ax.plot(points[over], factor * values, "o-", label=f"along {name}")
-        label = ("longitudinal creepage", "lateral creepage", "spin [1/mm]")[over]
-        ax.set(xlabel=label, ylabel=drawn)
-        ax.ticklabel_format(axis="x", scilimits=(-2, 3))
-        ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
-        ax.legend()
-        return ax
-
-    def _summary(self) -> Summary:
-        title = f"Creep curve of {len(self.force)} points, from the first to the last"
-        return Summary(title, self._figures(), self._cost)
+    _title: ClassVar[str] = "Creep curve"
 
     def _figures(self) -> list[Figure]:
         creepages, spin = self.creepages, None
@@ -123,10 +72,6 @@ class CreepCurve(Result):
             Figure("share that sticks", 100.0 * self.stick_share, "%"),
         )  # fmt: skip
         return [span(figure) for figure in figures]
-
-    @property
-    def _cost(self) -> str:
-        return describe_cost(int(self.products.sum()))
 
 
 def creep_curve(
@@ -269,15 +214,20 @@ class KalkerCoefficients(NamedTuple):
         return Summary("Kalker's coefficients", figures).tabulate()
 
 
-def kalker_coefficients(ratio: float, nu: float, *, n: int = ELEMENTS) -> KalkerCoefficients:
+def kalker_coefficients(
+    ratio: float | NormalResult, nu: float | None = None, *, n: int = ELEMENTS
+) -> KalkerCoefficients:
     """Return Kalker's coefficients of an elliptic contact, from the tractions without slip.
 
     Parameters
     ----------
-    ratio : float
-        a/b, the half-axis along the direction of rolling over the one across: 0.01 to 100.
-    nu : float
-        Poisson's ratio of both bodies.
+    ratio : float or NormalResult
+        a/b, the half-axis along the direction of rolling over the one across: 0.01 to 100. Of a
+        result of `normal_contact` the half-axes are those of the ellipse with the same second
+        moments of area along x and y as the elements in contact, ∫ x² dA = a²/4 ∫ dA, and c with
+        the same area is √(area/π).
+    nu : float, optional
+        Poisson's ratio of both bodies; of a result its own.
     n : int
         Elements along each axis of the contact: even, at least 8.
 
@@ -290,7 +240,9 @@ def kalker_coefficients(ratio: float, nu: float, *, n: int = ELEMENTS) -> Kalker
     Raises
     ------
     ValueError, TypeError
-        For a ratio, a Poisson's ratio or a number of elements that there is none of.
+        For a ratio, a Poisson's ratio or a number of elements that there is none of; for a result
+        whose contact is a line, nothing, more than one patch, or one that fills less than 0.9 of
+        its ellipse, as where that lies aslant.
 
     See Also
     --------
@@ -312,6 +264,12 @@ def kalker_coefficients(ratio: float, nu: float, *, n: int = ELEMENTS) -> Kalker
     >>> [round(C, 2) for C in kalker_coefficients(1.0, 0.25)]  # Kalker: 4.12, 3.67, 1.47, 1.19
     [4.11, 3.67, 1.47, 1.18]
     """
+    if isinstance(ratio, NormalResult):
+        if nu is not None:
+            raise ValueError(f"nu is {nu}, but a normal result has its own: leave it out")
+        nu, ratio = ratio.material.nu, _measure_ratio(ratio)
+    elif nu is None:
+        raise TypeError("nu is not given, but only a normal result has its own")
     if not LEAST <= positive("ratio", ratio) <= MOST:
         raise ValueError(f"ratio is {ratio}, but must be {LEAST:g} to {MOST:g}")
     material = Material.from_shear(1.0, check_ratio(nu))
@@ -319,6 +277,27 @@ def kalker_coefficients(ratio: float, nu: float, *, n: int = ELEMENTS) -> Kalker
         raise ValueError(f"n is {n}, but must be even")
     coarse, fine = (_compute(ratio, material, k) for k in (n // 2, n))
     return KalkerCoefficients(*(2.0 * fine - coarse).tolist())
+
+
+def _measure_ratio(pressed: NormalResult) -> float:
+    """Return a/b of the ellipse with the second moments of the one patch in contact."""
+    from scipy.ndimage import label  # It is slow to import.
+
+    require_whole(pressed, "the normal result")
+    if pressed.contact.ndim == 1:
+        raise ValueError(f"the contact has shape {pressed.shape}, a line, but must be an ellipse")
+    _, patches = label(pressed.contact, np.ones((3, 3)))
+    if patches != 1:
+        raise ValueError(f"the contact has {patches} patches, but must have one")
+    places = zip(np.nonzero(pressed.contact), pressed.element, strict=True)
+    # An element adds its own moment, h²/12.
+    a, b = (2.0 * float(h * np.sqrt(np.var(k) + 1.0 / 12.0)) for k, h in places)
+    if (share := pressed.area / (np.pi * a * b)) < FULL:
+        raise ValueError(
+            f"the contact fills {share:.2g} of the ellipse along x and y that has its second "
+            f"moments, but must fill {FULL} at least: give the ratio a/b of one that is like it"
+        )
+    return a / b
 
 
 def _compute(ratio: float, material: Material, n: int) -> Array:

@@ -1,0 +1,355 @@
+"""Curves: results under one load or in one step after the other, and tables of their numbers."""
+
+import os
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, Self, TypeVar
+
+import numpy as np
+
+from toeplitz_mg._typing import Array
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.results import NormalResult, TangentialResult, files, pictures
+from toeplitz_mg.contact.results.base import Figure, Result, Summary, describe_cost, span
+from toeplitz_mg.contact.results.quantities import CREEPAGES, name_units, quantities
+from toeplitz_mg.values import positive
+
+Kind = TypeVar("Kind", NormalResult, TangentialResult)
+LABELS = {  # Of columns in pictures, where they are not their names.
+    "longitudinal": "longitudinal creepage",
+    "lateral": "lateral creepage",
+    "distance": "distance rolled",
+    "force_x": "along x",
+    "force_y": "along y",
+}
+
+
+class Curve(Result):
+    """Points with numbers: a table of them, with a row for each point, and its picture."""
+
+    _title: ClassVar[str]
+
+    def to_dataframe(self, *, friction: float | None = None) -> Any:
+        """Return the numbers of all points as a table of pandas, with a row for each point.
+
+        Parameters
+        ----------
+        friction : float, optional
+            The force μ P, as for `plot`: then the table has -F/(μ P) in the place of forces F.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Its ``attrs["units"]`` has the units of the columns.
+
+        Raises
+        ------
+        ImportError
+            Where pandas is not installed: ``pip install 'toeplitz-mg[xarray]'``.
+        """
+        pandas = files.import_extra("pandas", "to_dataframe")
+        self._complete()
+        columns = self._columns(friction)
+        table = pandas.DataFrame({name: values for name, (values, _) in columns.items()})
+        table.attrs["units"] = {name: unit for name, (_, unit) in columns.items() if unit}
+        return table.rename_axis("point")
+
+    def to_xarray(self) -> Any:
+        """Return the numbers of all points, and their fields if they have some, with units.
+
+        Returns
+        -------
+        xarray.Dataset
+            The first dimension is "point".
+
+        Raises
+        ------
+        ImportError
+            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
+        """
+        xarray = files.import_extra("xarray", "to_xarray")
+        self._complete("to_xarray()")
+        columns = self._columns().items()
+        numbers = {name: ("point", x, {"units": unit}) for name, (x, unit) in columns}
+        return self._stack_fields(xarray).assign(numbers).assign_attrs(kind=type(self).__name__)
+
+    def plot(self, ax: Any = None, *, friction: float | None = None) -> Any:
+        """Draw the forces: of rolling over the creepage that varies, of a load over the approach.
+
+        Those of steps are drawn over the distance rolled; where creepages vary, as they are found
+        for given forces, these are.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw, as beside other curves; by default on a new figure.
+        friction : float, optional
+            The force μ P, N; in plane strain N/mm. Then -F/(μ P) is drawn, as in the literature:
+            upwards where the creepage is positive, as forces are against it, and 1 at most.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ImportError
+            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
+        """
+        ax = pictures.find_axes(ax)
+        self._complete()
+        columns = self._columns(friction, asks=False)
+        over, drawn = self._choose(columns, friction)
+        values, unit = columns[over]
+        for name in drawn:
+            ax.plot(values, columns[name][0], "o-", label=LABELS.get(name, name))
+        up = "creepage" if drawn[0] in CREEPAGES else f"force [{columns[drawn[0]][1]}]"
+        ax.set(ylabel=up if friction is None else "-F/(μ P)")
+        ax.set(xlabel=LABELS.get(over, over) + f" [{unit}]" * (unit != "1"))
+        ax.ticklabel_format(axis="x", scilimits=(-2, 3))
+        ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
+        ax.legend()
+        return ax
+
+    def __repr__(self) -> str:
+        """Return the first figures in one line."""
+        few = ", ".join(f"{figure.name} {figure.text}" for figure in self._figures()[:2])
+        return f"<{type(self).__name__} {self._extent}{': ' * bool(few)}{few}; {self._cost}>"
+
+    def _summary(self) -> Summary:
+        title = f"{self._title} of {self._extent}, from the first to the last"
+        return Summary(title, self._figures(), self._cost)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the numbers, by their names."""
+        return name_units(self)
+
+    @property
+    def _cost(self) -> str:
+        return describe_cost(int(np.sum(self._table(asks=False).get("products", 0))))
+
+    @property
+    def _extent(self) -> str:
+        return f"{len(self._table()['products'])} points"
+
+    def _figures(self) -> list[Figure]:
+        if not (columns := self._columns(asks=False)):  # Nothing is computed so far.
+            return []
+        over, drawn = self._choose(columns)
+        names = dict.fromkeys((over, *drawn, *columns))
+        figures = [Figure(name, *columns[name]) for name in names if name != "products"]
+        return [span(figure) for figure in figures if not np.isnan(figure.value).any()]
+
+    def _complete(self, needs_fields: str = "") -> None:
+        """Compute the points that are not there."""
+
+    def _stack_fields(self, xarray: Any) -> Any:
+        """Return a dataset with the fields of all points."""
+        return xarray.Dataset()
+
+    def _table(self, *, asks: bool = True) -> dict[str, Array]:
+        """Return the numbers of the points, by their names, the first axis being the points'."""
+        declared = quantities(type(self)).items()
+        table = {name: getattr(self, name) for name, q in declared if q.axes.startswith("points")}
+        return {name: values for name, values in table.items() if values is not None}
+
+    def _columns(
+        self, friction: float | None = None, *, asks: bool = True
+    ) -> dict[str, tuple[Array, str]]:
+        """Return the columns of the table, one for each component, with their units."""
+        table, units, columns = self._table(asks=asks), dict(self.units), {}
+        if friction is not None:
+            friction = positive("friction", friction, units.get("force", ""))
+            if "creepages" not in table:
+                raise ValueError(
+                    f"friction is {friction}, but must be None: a {self._title.lower()} has no "
+                    "tangential forces"
+                )
+            table["force"], units["force"] = 0.0 - table["force"] / friction, "1"
+        for name, values in table.items():
+            components, each = np.atleast_2d(values.T), units.get(name, "").split(", ")
+            names = [f"{name}_{axis}" for axis in "xy"] if len(components) > 1 else [name]
+            for k, column in enumerate(components):
+                own = CREEPAGES[k] if name == "creepages" else names[k]
+                columns[own] = column, each[min(k, len(each) - 1)]
+        return columns
+
+    def _choose(self, columns: Any, friction: float | None = None) -> tuple[str, list[str]]:
+        """Return the names of the columns that are drawn: what over, and what."""
+        forces = [name for name in columns if name.startswith("force")]
+        varied = [x for x in CREEPAGES if x in columns and np.ptp(columns[x][0]) > 0.0]
+        if "approach" in columns:
+            return "approach", forces
+        if "distance" in columns:
+            return "distance", varied if varied and friction is None else forces
+        return (varied or CREEPAGES)[0], forces
+
+
+@dataclass(eq=False, repr=False)
+class Results(Curve, Generic[Kind]):
+    """Results one after the other, computed as they are iterated over (see `LoadCurve`)."""
+
+    results: Any
+    points: int
+    keep: bool = True
+
+    _kind: ClassVar[type]
+    _warns: ClassVar[bool] = False  # Of each result: others have been warned of at once.
+
+    def __post_init__(self) -> None:
+        """Take the results of a file, or an iterator that computes them."""
+        self._rows: list[dict[str, Any]] = []  # The numbers of results that were not kept.
+        self._given = 0
+        self._failure: str = ""
+        is_file = isinstance(self.results, list)
+        self._coming, self.results = (iter(()), self.results) if is_file else (self.results, [])
+        kinds: set[Any] = {(type(x), x.shape, x.element) for x in self.results}
+        alike = [kind for kind, *_ in kinds] == [self._kind] and len(self.results) == self.points
+        if is_file and not alike:
+            raise ValueError(
+                f"results are {len(self.results)} of {kinds}, but must be {self.points} of one "
+                f"{self._kind.__name__} and grid"
+            )
+
+    def __iter__(self) -> Self:
+        """Go on, or begin again once all have been returned."""
+        if self._given == self.points:
+            self._given = 0
+        return self
+
+    def __next__(self) -> Kind:
+        """Return the next result, which is computed unless it is there."""
+        if self._given == self.points:
+            raise StopIteration
+        k = self._given - len(self._rows)
+        if k < 0:
+            self._require_kept("a second iteration")
+        if k < len(self.results):
+            result: Kind = self.results[k]
+        else:
+            result = self._compute()
+            if self._warns:
+                doubts.warn(result.warnings)
+        self._given += 1
+        return result
+
+    def __len__(self) -> int:
+        """Return how many results there are in all, computed or not."""
+        return self.points
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write all results to an ``.npz`` file, whole or not at all (see `NormalResult.save`)."""
+        self._complete("save()")
+        files.save(self, path, overwrite=overwrite)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the numbers and the fields, by their names."""
+        return name_units(self.results[0]) | {"distance": "mm"} if self.results else {}
+
+    @property
+    def _there(self) -> int:
+        """How many results are computed."""
+        return len(self._rows) + len(self.results)
+
+    @property
+    def _extent(self) -> str:
+        return f"{self._there} of {self.points} results"
+
+    def _compute(self) -> Kind:
+        """Compute one more result."""
+        if self._failure:
+            raise RuntimeError(f"no more than {self._extent} are there, as {self._failure}")
+        try:
+            result: Kind = next(self._coming)
+        except BaseException as error:  # An interruption ends a generator, too.
+            self._failure = f"the next one ended with {error!r}"
+            raise
+        if self.results and not self.keep:
+            self._rows.append(_list_numbers(self.results.pop(), asks=False))
+        self.results.append(result)
+        if self._there == self.points:
+            self._coming = iter(())  # What was needed to compute them can go.
+        return result
+
+    def _complete(self, needs_fields: str = "") -> None:
+        if not self.points:
+            raise ValueError("the curve has no points, but must have one at least")
+        if needs_fields:
+            self._require_kept(needs_fields)
+        while self._there < self.points:
+            result = self._compute()
+            if not self.keep:
+                _list_numbers(result, asks=True)  # The result keeps what it has computed.
+            if self._warns:
+                doubts.warn(result.warnings, within=1)
+
+    def _require_kept(self, what: str) -> None:
+        if not self.keep:
+            raise ValueError(f"keep is False, but {what} needs the fields of all: use keep=True")
+
+    def _table(self, *, asks: bool = True) -> dict[str, Array]:
+        rows = [*self._rows, *(_list_numbers(result, asks=asks) for result in self.results)]
+        table = {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else {}
+        if "creepages" in table:
+            table["distance"] = self.results[0].element[0] * np.arange(1.0, 1.0 + len(rows))
+        return table
+
+    def _stack_fields(self, xarray: Any) -> Any:
+        doubted = dict.fromkeys(text for result in self.results for text in result.warnings)
+        fields = xarray.concat(
+            [result.to_xarray() for result in self.results], "point", data_vars="all",
+            coords="minimal", compat="override", join="override", combine_attrs="drop_conflicts",
+        )  # fmt: skip
+        return fields.assign_attrs(warnings="\n".join(doubted))
+
+
+@files.loadable
+class LoadCurve(Results[NormalResult]):
+    """Bodies under one load after the other: an iterator that computes each `NormalResult`.
+
+    An iteration goes on where the last one has stopped, and after the last result begins with the
+    first one again, without computing. `plot`, `to_dataframe`, `to_xarray` and `save` compute what
+    is left; `len` is the number of all loads.
+
+    Attributes
+    ----------
+    results : list
+        The results that are computed so far; where `keep` is false the last of them.
+    points : int
+        The number of loads.
+    keep : bool
+        Whether results are kept. Their numbers are kept in any case, of the `stiffness` NaN where
+        it was not asked for before the next load.
+
+    See Also
+    --------
+    load_curve : makes it.
+    """
+
+    _title, _kind, _warns = "Load curve", NormalResult, True
+
+
+@files.loadable
+class RollingSteps(Results[TangentialResult]):
+    """Bodies that roll step by step: an iterator that computes each `TangentialResult`.
+
+    Its methods and attributes are those of `LoadCurve`, with steps for loads.
+
+    See Also
+    --------
+    rolling_steps : makes it.
+    """
+
+    _title, _kind = "Rolling", TangentialResult
+
+
+def _list_numbers(result: Any, *, asks: bool) -> dict[str, Any]:
+    """Return what a result has but its fields; what is computed on demand is asked for, or NaN."""
+    own, numbers = vars(result), {}
+    for name, quantity in quantities(type(result)).items():
+        value = own[name]
+        if "grid" in quantity.axes or value is None or type(value) is tuple:
+            continue
+        numbers[name] = value if not callable(value) else getattr(result, name) if asks else np.nan
+    return numbers
