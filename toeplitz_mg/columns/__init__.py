@@ -1,6 +1,5 @@
-"""The first column of the inverse of a Toeplitz matrix, and of general ones the first row too.
+"""The first column and the first row of the inverse of a Toeplitz matrix.
 
-All of the inverse follows from them, by the formula of Gohberg and Semencul. `first_column` finds
-them: approximately for a preconditioner, or as exactly as double precision allows for the inverse
-and its determinant.
+They determine the whole inverse (Gohberg and Semencul). `find_columns` computes them: roughly for a
+preconditioner, to double precision for the inverse and the determinant.
 """

@@ -1,12 +1,11 @@
-"""Polynomials on the unit circle: their values at many points, and back, and their zeros.
+"""Values of polynomials on the unit circle, their coefficients, and their zeros in the disc.
 
-Of a real series of length up to m the values at z = exp(-iθ), θ = 2π(k + 1/4)/m, k = 0 … m - 1, and
-their conjugates are those at 2 m points at equal distances, with z²ᵐ = -1. They are one complex
-transform of length m, of nothing but the series, where a real one of length 2 m has it half filled
-with zeros; and long ones are faster, in `panels`. Of a complex series they are those at the roots
-of unity.
+A real series of length up to m is evaluated at z = exp(-iθ), θ = 2π(k + 1/4)/m, k = 0 … m - 1. With
+their conjugates these are 2 m equidistant points with z²ᵐ = -1. They need one complex transform of
+length m, without the zero padding of a real transform of length 2 m, and `panels` makes long ones
+faster. A complex series is evaluated at the roots of unity.
 
-All values are in the order of the plan, which elementwise operations need not know.
+The values are in the order of the plan, which does not matter for elementwise operations.
 """
 
 from dataclasses import dataclass
@@ -21,38 +20,37 @@ from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.transforms import plan_of
 from toeplitz_mg.engine.work import count_transforms
 
-SHIFT = 0.25  # Of the frequencies, with which the conjugates of the points are between them.
-OVERSAMPLING = 4  # Samples for each coefficient: the phase may turn 3π/4 between two.
+SHIFT = 0.25  # Shift of the frequencies: the conjugate points then lie halfway between the points.
+OVERSAMPLING = 4  # Samples per coefficient: the phase may then turn by 3π/4 between two samples.
 
 
 class Circle(Protocol):
-    """Points at equal distances on the unit circle.
+    """Equidistant points on the unit circle.
 
     Attributes
     ----------
     points : int
-        How many: N.
+        The number of points, N.
     """
 
     points: int
 
     def values(self, x: Array) -> Array:
-        """Return Σ xⱼ zʲ at the points, of a series of length up to N/2."""
+        """Return Σ xⱼ zʲ at the points, for a series x of length up to N/2."""
 
     def coefficients(self, values: Array, n: int) -> Array:
         """Return the mean of the values times z⁻ʲ over all points, j = 0 … n - 1, n ≤ N.
 
-        That is coefficient j of what has these values, and what wraps around: coefficient j + N
-        with the sign of zᴺ, and so on. Real values have the same coefficients at j and -j,
-        conjugate where they are complex.
+        This is coefficient j of the function with these values, plus its aliases: coefficient j + N
+        times zᴺ = ±1, and so on. For real values the coefficients at j and -j are conjugate.
         """
 
     def path(self, x: Array, values: Array) -> Array:
-        """Return the values of x in the order of θ: of a real series those from 1 to -1."""
+        """Return the values of x in the order of θ; for a real series only those from 1 to -1."""
 
 
 class HalfCircle:
-    """The circle for real series, of which the values at half of the points are kept."""
+    """The circle for real series, which stores the values at half of the points."""
 
     def __init__(self, points: int) -> None:
         self._plan = plan_of(-(-points // 2), np.float64)
@@ -106,36 +104,35 @@ class FullCircle:
 
 
 def circle_of(points: int, dtype: np.dtype[Any]) -> Circle:
-    """Return a circle of so many points at least, for series of this kind of numbers."""
+    """Return a circle with at least this number of points, for series of this dtype."""
     return FullCircle(points) if dtype.kind == "c" else HalfCircle(points)
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What the polynomial x(z) = Σ xₖ zᵏ on the unit circle says of the formula from the column x.
+    """Bounds on the inverse with the first column x, from x(z) = Σ xₖ zᵏ on the unit circle.
 
-    The formula is the Schur-Cohn form of that polynomial: positive definite exactly if x(z) has
-    no zero in the closed unit disc. Then it is a leading block of the inverse of a matrix whose
-    symbol is x₀/|x|², and its condition is at most that of this symbol.
+    The Gohberg-Semencul formula is the Schur-Cohn form of that polynomial: it is positive definite
+    if and only if x(z) has no zero in the closed unit disc. Then it is a leading block of the
+    inverse of a matrix with the symbol x₀/|x|², whose condition number bounds that of the formula.
 
     Attributes
     ----------
     positive : bool
-        Whether it is positive definite for certain. Where it is not, it still may be.
+        Whether the formula is certainly positive definite. If False, it may still be.
     condition : float
         max|x|²/min|x|² of the samples.
     resolved : bool
-        Whether it is known: that it is positive, or that the formula is not.
+        Whether the samples decide: the formula is positive definite, or it is not.
 
     Notes
     -----
-    Of N samples x is known to have no such zero where the phase turns by less than π (1 - n/N)
-    from each sample to the next, and by 0 in all. For let Z > 0 zeros lie in the disc, so that in
-    truth the phase turns by 2πZ. From a sample to the next it turns by less than π n/N, and more
-    by π times the share of that arc in the harmonic measures of these zeros, which are Z in all.
-    Where it is seen to turn by more than -π (1 - n/N), and in truth turns by 2πk more than seen,
-    these shares are above 2k - 1 ≥ k. The sum of k over all arcs is Z, so that those of the
-    positive k have shares above Z, which there are not.
+    From N samples it is certain that x has no such zero if the phase turns by less than π (1 - n/N)
+    from each sample to the next, and by 0 in total. Proof: suppose that the disc has Z > 0 zeros,
+    so the true total turn is 2πZ. The true turn over one arc is below π n/N plus π times the arc's
+    share of the harmonic measures of these zeros, which sum to Z. If the observed turn is above -π
+    (1 - n/N) and the true one larger by 2πk, that share is above 2k - 1 ≥ k. The sum of k over all
+    arcs is Z, so the arcs with k > 0 have shares above Z in total, a contradiction.
     """
 
     positive: bool
@@ -144,15 +141,15 @@ class Certificate:
 
     @classmethod
     def of(cls, x: Array, oversampling: int = OVERSAMPLING) -> "Certificate":
-        """Sample the polynomial, at the cost of one work unit; with more samples more."""
+        """Sample the polynomial; with the default `oversampling` this costs one work unit."""
         x = x.astype(np.result_type(x, np.float64))
         circle = circle_of(oversampling * len(x), x.dtype)
-        x = x / (np.abs(x).max() or 1.0)  # Then no square overflows.
+        x = x / (np.abs(x).max() or 1.0)  # The squares cannot overflow then.
         return cls.of_values(x, circle, circle.values(x))
 
     @classmethod
     def of_values(cls, x: Array, circle: Circle, values: Array) -> "Certificate":
-        """Look at the values of the polynomial on a circle."""
+        """Derive the bounds from the values of the polynomial on a circle."""
         z = circle.path(x, values)
         squares = z.real**2 + z.imag**2
         smallest, largest = float(squares.min()), float(squares.max())
@@ -160,10 +157,9 @@ class Certificate:
             return cls(False, np.inf, True)
         if len(x) == 1:  # A constant does not turn.
             return cls(bool(x[0].real > 0.0), 1.0, True)
-        # Of a real x the turns are those on the upper half of the circle, which the lower half
-        # mirrors.
+        # For a real x these turns are those on the upper half circle; the lower half mirrors them.
         turn = z[1:] * z[:-1].conj()
-        # The cotangent of a turn is above that of a larger one.
+        # The cotangent decreases with the angle.
         farthest = 1.0 / tan(pi * (1.0 - len(x) / circle.points))
         resolved = bool((turn.real > farthest * np.abs(turn.imag)).all())
         positive = x[0].real > 0.0 and resolved and _count_turns(z, turn.imag > 0.0) == 0
@@ -171,10 +167,10 @@ class Certificate:
 
 
 def _count_turns(z: Array, is_left: Array) -> int:
-    """Return how often a path goes around zero, in half turns where it ends opposite its start.
+    """Return how often a path goes around zero; half turns if it ends opposite its start.
 
-    It crosses the negative real axis where the imaginary part changes its sign while it turns from
-    above to the left, or from below to the right; each turn is less than half of one.
+    Each turn is less than half a revolution. So the path crosses the negative real axis where its
+    imaginary part changes sign during a left turn from above or a right turn from below.
     """
     above = z.imag >= 0.0
     leaves = above[:-1] & ~above[1:] & is_left

@@ -1,4 +1,4 @@
-"""Columns of an approximate inverse, and Newton's iteration on them."""
+"""Approximate columns of the inverse, and Newton's iteration that improves them."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +12,7 @@ from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
 
 EPS = float(np.finfo(np.float64).eps)
-NEAR = 1e-6  # Largest ‖A x - e₁‖ of an inverse that one step of refinement brings to rounding.
+NEAR = 1e-6  # Largest ‖A x - e₁‖ from which one step of refinement reaches rounding.
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,12 @@ class Columns:
     Attributes
     ----------
     A : ToeplitzOperator
-        Of one axis.
+        Has one axis.
     x : ndarray of shape (n,)
     w : ndarray of shape (n,), or None
-        None where A is Hermitian, and w is x.
+        None if A is Hermitian; then w = x.
     previous : GohbergSemencul, optional
-        The inverse by which these columns were improved, where it is near.
+        The inverse that improved these columns, if its residual was below `NEAR`.
     """
 
     A: ToeplitzOperator
@@ -37,7 +37,7 @@ class Columns:
 
     @cached_property
     def errors(self) -> list[Array]:
-        """The residuals e₁ - A x, and e₁ - Aᴴ w where there is a w."""
+        """The residuals e₁ - A x, and e₁ - Aᴴ w if there is a w."""
         errors = [-(self.A @ self.x)]
         if self.w is not None:
             errors.append(-(self.A.H @ self.w))
@@ -52,34 +52,34 @@ class Columns:
 
     @property
     def rounding(self) -> float:
-        """What a residual ‖A x - e₁‖ has of rounding, if that is random."""
+        """The expected rounding error of ‖A x - e₁‖, if the errors are random."""
         return float(EPS * np.sqrt(2.0) * norm(self.A.c) * norm(self.x))
 
     @cached_property
     def inverse(self) -> GohbergSemencul:
-        """The inverse that has these columns; a LinAlgError where none has."""
+        """The inverse with these columns; raises a LinAlgError if there is none."""
         return GohbergSemencul(self.x, None if self.w is None else self.w.conj())
 
     @property
     def near_inverse(self) -> GohbergSemencul:
-        """An inverse that one step of refinement brings to rounding: one that was made before."""
+        """An inverse accurate enough for one refinement step; an earlier one if there is one."""
         return self.previous or self.inverse
 
     @cached_property
     def certificate(self) -> Certificate:
-        """What is known of the inverse of a Hermitian matrix."""
+        """The certificate of definiteness, for a Hermitian matrix."""
         return Certificate.of(self.x)
 
     @property
     def is_definite(self) -> bool:
-        """Whether of a Hermitian matrix the inverse is positive definite for certain."""
+        """Whether the inverse is certainly positive definite; True if A is not Hermitian."""
         return self.w is not None or self.certificate.positive
 
     def improve(self) -> "Columns":
-        """Take a step of Newton's method, which squares the error of an inverse that is near.
+        """Take a step of Newton's method, which squares the error if the inverse is close.
 
-        It is x + G (e₁ - A x), the first column of 2 G - G A G, where G is the inverse that has
-        these columns; so the next step has a better G.
+        The step x + G (e₁ - A x) gives the first column of 2 G - G A G, where G is the inverse with
+        the current columns.
         """
         G = self.inverse
         previous = G if self.residual <= NEAR else None
@@ -88,5 +88,5 @@ class Columns:
             x[0] = x[0].real
             return Columns(self.A, x, None, previous)
         w = self.w + G.H @ self.errors[1]
-        # The first entries of a column and a row are the same.
+        # The column and the row share their first entry.
         return Columns(self.A, x, w * (x[0] / w[0].conj()).conj() if w[0] else w, previous)

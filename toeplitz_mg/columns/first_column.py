@@ -1,7 +1,7 @@
-"""The one place that finds the first column of the inverse of a Toeplitz matrix, and its row.
+"""Find the first column and row of the inverse of a Toeplitz matrix, as exactly as asked.
 
-Those who ask for it say how exactly: `spectral_preconditioner` and the choice of preconditioners
-roughly, the inverse and the log-determinant as exactly as double precision allows.
+`spectral_preconditioner` and the choice of a preconditioner need them roughly; the inverse and the
+log-determinant need them to double precision.
 """
 
 from collections.abc import Callable
@@ -15,8 +15,8 @@ from toeplitz_mg.columns.spectral_factor import ADVICE, factor_symbol
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.lifting import squeeze_line
 
-RESOLVED = 0.25  # Largest ‖A x - e₁‖ at which a better x would not make a better preconditioner.
-MOSTLY_ROUNDING = 1e-12  # ‖A x - e₁‖ below which a step may add as much rounding as it removes.
+RESOLVED = 0.25  # A residual ‖A x - e₁‖ below this does not make the preconditioner better.
+MOSTLY_ROUNDING = 1e-12  # Below this ‖A x - e₁‖ a step may add as much rounding as it removes.
 
 
 def find_columns(
@@ -26,30 +26,30 @@ def find_columns(
     factor: Columns | None = None,
     solve: Callable[[ToeplitzOperator], Columns | None] | None = None,
 ) -> Columns:
-    """Find A⁻¹ e₁, and A⁻ᴴ e₁ unless A is Hermitian.
+    """Return A⁻¹ e₁, and A⁻ᴴ e₁ unless A is Hermitian.
 
-    They are those of the factors of the symbol, improved by Newton's method; of a Hermitian matrix,
-    where that does not converge, or the factor is too rough for a preconditioner, the column of the
-    Schur algorithm.
+    They come from the factors of the symbol and are improved by Newton's method. For a Hermitian
+    matrix the Schur algorithm is used if that does not converge, or if the factors are too
+    inaccurate for a preconditioner.
 
     Parameters
     ----------
     A : ToeplitzOperator
-        Of one axis, in double precision.
+        One axis, double precision.
     residual : float, optional
-        ‖A x - e₁‖ at which the steps end, or at rounding. At `RESOLVED` the columns make a
-        preconditioner, and of a Hermitian matrix one that is positive definite.
+        The iteration ends at this ‖A x - e₁‖, or at rounding. With `RESOLVED` the columns make a
+        preconditioner, which is positive definite if A is Hermitian.
     factor : Columns, optional
-        Those of `factor_symbol`, where they are known.
+        The result of `factor_symbol`, if it is known.
     solve : callable, optional
-        Another way to columns that are nearly exact, or to None. Of a Hermitian matrix it is tried
-        first, of another one last.
+        Another method, which returns nearly exact columns or None. It is tried first if A is
+        Hermitian, last otherwise.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If a Hermitian matrix is not positive definite, or the symbol of another one has no
-        factors, or these are no use with so few unknowns.
+        If a Hermitian A is not positive definite. For other matrices, if the symbol has no
+        factors, or if they are too inaccurate for so few unknowns.
     """
     ways: list[Callable[[], Columns | None]] = [lambda: factor or factor_symbol(A)]
     if solve is not None:
@@ -60,7 +60,7 @@ def find_columns(
         try:
             if (start := way()) is None:
                 continue
-            # An exact column is a better preconditioner than a poor one that is corrected.
+            # An exact column makes a better preconditioner than a corrected poor one.
             best = start if is_rough and A.is_hermitian else _correct(start, residual)
         except np.linalg.LinAlgError as error:
             refusal = error
@@ -69,7 +69,7 @@ def find_columns(
                 return best
             refusal = np.linalg.LinAlgError(
                 f"the Wiener-Hopf factors of A give a column of the inverse with the residual "
-                f"{best.residual:.2g}, but need {RESOLVED:g}: {ADVICE}"
+                f"{best.residual:.2g}, but it must be at most {RESOLVED:g}: {ADVICE}"
             )
     if A.is_hermitian:
         return _correct(Columns(A, schur_column(A.c)[0]), residual)
@@ -79,7 +79,7 @@ def find_columns(
 
 
 def _correct(columns: Columns, residual: float) -> Columns:
-    """Take steps of Newton's method while they help; from a residual of 1 on it diverges."""
+    """Take Newton steps while they help; at a residual of 1 or more they would diverge."""
     while 1.0 > columns.residual > max(residual, 2.0 * columns.rounding):
         better = columns.improve()
         if not better.residual < 0.5 * columns.residual:
@@ -89,5 +89,5 @@ def _correct(columns: Columns, residual: float) -> Columns:
 
 
 def double_line(A: ToeplitzOperator) -> ToeplitzOperator:
-    """Return a matrix of one axis in double precision, without axes of one element."""
+    """Return A with one axis in double precision: axes of length one are removed."""
     return squeeze_line(A).astype(np.result_type(A.dtype, np.float64))

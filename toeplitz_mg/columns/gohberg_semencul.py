@@ -1,6 +1,6 @@
-"""The inverse of a Toeplitz matrix, from its first column and its first row.
+"""The inverse of a Toeplitz matrix from its first column and row, by the Gohberg-Semencul formula.
 
-The operator has the checks; its product is in circulants and skew-circulants.
+`GohbergSemencul` checks the input; `GohbergSemenculProduct` multiplies with FFTs.
 """
 
 from math import sqrt
@@ -20,23 +20,23 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.values import refuse_masked
 
-Term = list[tuple[float, Array]]  # Shifts and eigenvalues of the factors, the first one first.
+Term = list[tuple[float, Array]]  # (shift, eigenvalues) of each factor, in order of application.
 
 
 class GohbergSemencul(GridOperator):
     """The inverse of a Toeplitz matrix A, given its first column and its first row.
 
-    A product costs two work units; somewhat more where n has a large prime factor, and so slow
-    transforms.
+    A product costs two work units, somewhat more if n has a large prime factor, for which
+    transforms are slow.
 
     Parameters
     ----------
     x : ndarray of shape (n,), real or complex
         First column of the inverse, A⁻¹ e₁, whose first entry must not be zero.
     y : ndarray of shape (n,), optional
-        First row of the inverse, A⁻ᵀ e₁; its first entry is ignored, as it is x[0]. Without it the
-        inverse is that of a symmetric positive definite matrix, or of a Hermitian one: its row is
-        x̄, and x[0] must be positive.
+        First row of the inverse, A⁻ᵀ e₁; its first entry is ignored, because it is x[0]. By default
+        the matrix is symmetric or Hermitian and positive definite: the row is x̄, and x[0] must be
+        positive.
 
     Raises
     ------
@@ -48,8 +48,7 @@ class GohbergSemencul(GridOperator):
     References
     ----------
     I. Gohberg, A. Semencul, On the inversion of finite Toeplitz matrices and their continuous
-    analogs, Mat. Issled. 7 (1972); in circulants see
-    `GohbergSemenculProduct`.
+    analogs, Mat. Issled. 7 (1972). For the form with circulants see `GohbergSemenculProduct`.
 
     Examples
     --------
@@ -70,8 +69,8 @@ class GohbergSemencul(GridOperator):
         if y is None:
             if not (x[0].real > 0.0 and x[0].imag == 0.0):
                 raise np.linalg.LinAlgError(
-                    f"the first entry of the inverse is {x[0]:.3g}, but of a positive definite "
-                    "matrix it is positive"
+                    f"the first entry of the inverse is {x[0]:.3g}, but must be positive for a "
+                    "positive definite matrix"
                 )
             y = x.conj() if x.dtype.kind == "c" else x
         y = refuse_masked("y", y)
@@ -109,35 +108,36 @@ class GohbergSemencul(GridOperator):
 class GohbergSemenculProduct:
     """Multiplication by the inverse of a Toeplitz matrix, given its first column x and row y.
 
-    With the circulants C and the skew-circulants S that have such a first column it is
+    With the circulant C(a) and the skew-circulant S(a) that have the first column a, the inverse is
 
-        (C(x) S(y)ᵀ + C(y)ᵀ S(x))/(2 x₀),
+        (C(x) S(y)ᵀ + C(y)ᵀ S(x))/(2 x₀).
 
-    and of real x and y the real part of (C(x) - i C(y)ᵀ) (S(y)ᵀ + i S(x))/(2 x₀): four transforms
-    of length n, as much work as two products with a Toeplitz matrix of that size. Of complex x and
-    y each term takes four, and a product with their matrix takes twice as many too.
+    For real x and y this is the real part of (C(x) - i C(y)ᵀ) (S(y)ᵀ + i S(x))/(2 x₀): four
+    transforms of length n, as much work as two products with a Toeplitz matrix of that size. For
+    complex x and y each term needs four transforms; a product with their matrix also costs twice as
+    much.
 
-    Where y = x̄ all eigenvalues can be real. With p + i q those of C(x) and s + i t those of S(x),
-    the terms are the matrices of 2 p and s, and of 2 q and t, multiplied; of a real x their sum is
-    the real part of one product, of the matrices of p - q and 2 (s - t).
+    If y = x̄, all eigenvalues can be real. Let p + i q be those of C(x) and s + i t those of S(x).
+    The terms are then the products of the matrices with the eigenvalues 2 p and s, and 2 q and t.
+    For a real x their sum is the real part of one product, with p - q and 2 (s - t).
 
-    Where these are slow, p zeros are appended to x, to y and to the vectors. That is the formula
-    for a matrix of size n + p that has the one of size n as its leading block (and reflection
-    coefficients that are zero from there on). By the block elimination of its last p unknowns the
-    inverse of the block is that of the matrix without Σ (Zˢ w) (Zˢ u)ᵀ/x₀, s < p, where u is the
-    column reversed, [0 x_(n-1) … x₁], w the row reversed, and Z shifts down by one.
+    If transforms of length n are slow, p zeros are appended to x, y and the vectors. This gives the
+    formula for a matrix of size n + p with the original matrix as leading block (its further
+    reflection coefficients are zero). Block elimination of the last p unknowns gives the inverse of
+    the block: the large inverse minus Σ (Zˢ w) (Zˢ u)ᵀ/x₀, s < p. Here u is the reversed column [0
+    x_(n-1) … x₁], w the reversed row, and Z shifts down by one.
 
     Parameters
     ----------
     terms : list of list of (float, ndarray)
-        The matrices whose sum, or the real part of it, is the inverse.
+        Factors of the products whose sum, or its real part, is the inverse.
     ends : (ndarray, ndarray), of shape (n + p - 1,)
-        Vectors whose windows of length n are Zˢ u and Zˢ w, s = p - 1 … 0, divided by numbers
-        whose product is 2 x₀.
+        Vectors whose windows of length n are Zˢ u and Zˢ w, s = p - 1 … 0, divided by factors with
+        the product 2 x₀.
     n : int
     dtype : float32, float64, complex64 or complex128
     plan : OneStep or Panels
-        Of the order of the eigenvalues.
+        Determines the order of the eigenvalues.
 
     References
     ----------
@@ -156,10 +156,10 @@ class GohbergSemenculProduct:
 
     @classmethod
     def of(cls, x: Array, y: Array | None, dtype: DTypeLike) -> "GohbergSemenculProduct":
-        """Make the product from x and y in double precision; y is None where it is x̄."""
+        """Return the product for x and y in double precision; y = None stands for y = x̄."""
         n, m = len(x), near_fast_length(len(x))
-        # They are divided by numbers whose product is 2 x₀, which may be out of the range of
-        # float32, and that make their sizes equal: the rounding of a sum is that of the larger.
+        # Their divisors have the product 2 x₀, which may exceed the range of float32. They make x
+        # and y equally large, because the larger one determines the rounding of a sum.
         size = 1.0 if y is None else sqrt(norm(x) / norm(y))
         root = sqrt(2.0 * abs(x[0]))
         u = _extend(x / (root * size), m)
@@ -169,8 +169,8 @@ class GohbergSemenculProduct:
         eigenvalues = of_products.eigenvalues
 
         def transform(a: Array) -> list[Array]:
-            # The skew-circulant has the frequencies k + 1/2. A complex transform has the work of
-            # one for a complex matrix, and of a real one of twice the length for a real matrix.
+            # The skew-circulant has the frequencies k + 1/2. A work unit is a complex transform for
+            # a complex matrix, and a real transform of twice the length for a real one.
             count_transforms(2, m if a.dtype.kind == "c" else 2 * m)
             imag = a.imag if a.dtype.kind == "c" else None
             return [plan.spectrum(a.real, imag, shift) for shift in (0.5, 0.0)]
@@ -178,7 +178,7 @@ class GohbergSemenculProduct:
         is_complex = np.dtype(dtype).kind == "c"
         skew, circulant = transform(u)
         if y is not None:
-            # The eigenvalues of a transpose are the conjugates of those of the conjugate matrix.
+            # The eigenvalues of Cᵀ are the conjugates of those of C̄.
             row_skew, row_circulant = map(np.conj, transform(w.conj()))
             if is_complex:
                 pairs = [(row_skew, circulant), (skew, row_circulant)]
@@ -193,8 +193,7 @@ class GohbergSemenculProduct:
         return cls(terms, ends, n, dtype, of_products)
 
     def adjoint(self) -> "GohbergSemenculProduct":
-        """Return the multiplication by the adjoint; no transform is made."""
-        # Its column is ȳ and its row x̄.
+        """Return the multiplication by the adjoint (column ȳ, row x̄), without any transform."""
         terms = [[(shift, values.conj()) for shift, values in term] for term in self._terms[::-1]]
         u, w = self._ends
         (n,) = self.grid_shape
@@ -218,7 +217,7 @@ class GohbergSemenculProduct:
             np.subtract(z[:n], 2.0 * np.correlate(w, part.conj(), "valid"), out=y)
 
     def _sum(self, X: Array, out: Array) -> None:
-        """Multiply rows of the length of the transforms."""
+        """Multiply rows that have the length of the transforms."""
         plan = self._plan
         *others, last = self._terms
         rest = []
@@ -239,10 +238,10 @@ def _extend(a: Array, length: int) -> Array:
 
 
 class TriangularFactors(GridOperator):
-    """The same inverse on arrays of another library, as products of triangular Toeplitz matrices.
+    """The same inverse for arrays of another library, by products of triangular Toeplitz matrices.
 
-    (L(x) U(y) - L(0, y_(n-1), …, y_1) U(0, x_(n-1), …, x_1))/x₀, where L has a first column, and U
-    a first row. A product costs four work units.
+    It is (L(x) U(y) - L(0, y_(n-1), …, y_1) U(0, x_(n-1), …, x_1))/x₀, where L has the given first
+    column and U the given first row. A product costs four work units.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The factors of a symbol by its cepstrum, and the columns of the inverse that they give."""
+"""The Wiener-Hopf factors of a symbol from its cepstrum, and the columns of the inverse."""
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -17,26 +17,26 @@ ADVICE = "use chan_preconditioner(A) with gmres, or solve_toeplitz, which needs 
 
 
 def factor_symbol(A: ToeplitzOperator, samples: Array | None = None) -> Columns:
-    """Approximate A⁻¹ e₁, and A⁻ᴴ e₁ unless A is Hermitian, by the factors of the symbol.
+    """Return approximations of A⁻¹ e₁, and of A⁻ᴴ e₁ unless A is Hermitian, from the symbol.
 
-    The symbol f(θ) = Σ a_k exp(ikθ) is the product of exp(l₊) and exp(l₋), where l₊ has the
-    frequencies k > 0 of log f, its cepstrum, and l₋ the others, if log f is a function on the
-    circle: if f has no zero, and its winding number is 0. Then the inverse of the half-infinite
-    matrix of f is that of exp(-l₊), which is lower triangular, times that of exp(-l₋), which is
-    upper triangular. Where f is real the two are adjoint to each other, but for the mean.
+    The symbol f(θ) = Σ a_k exp(ikθ) factors into exp(l₊) exp(l₋): l₊ has the frequencies k > 0 of
+    log f (the cepstrum), l₋ the others. This requires that log f is a function on the circle: f has
+    no zeros and the winding number 0. The inverse of the half-infinite matrix of f is then the
+    lower triangular matrix of exp(-l₊) times the upper triangular one of exp(-l₋). If f is real,
+    the two are adjoint to each other up to the mean of log f.
 
     Parameters
     ----------
     A : ToeplitzOperator
-        Of one axis, in double precision.
+        One axis, double precision.
     samples : ndarray, optional
-        `symbol_of_line` of a symmetric A, where that is known.
+        `symbol_of_line(A)` of a symmetric A, if it is known.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the symbol has a zero, or winds around it; of a Hermitian matrix where it is not
-        positive.
+        If the symbol has a zero or a winding number other than 0, or if A is Hermitian and its
+        symbol is not positive.
 
     References
     ----------
@@ -51,8 +51,8 @@ def factor_symbol(A: ToeplitzOperator, samples: Array | None = None) -> Columns:
         f = forward(A.circulant((length,)))
         logarithm = _logarithm(f, is_complex)
     else:
-        # With half as many samples those are positive where more find a zero between the
-        # coefficients that A has and those that it lacks.
+        # More samples may find a zero in the interpolation between the coefficients of A and the
+        # missing ones, where so few samples are all positive.
         length = 2 * near_fast_length(n)
         if is_complex:
             f = forward(A.circulant((length,))).real
@@ -64,7 +64,7 @@ def factor_symbol(A: ToeplitzOperator, samples: Array | None = None) -> Columns:
     cepstrum = backward(logarithm, length)
     inverse = np.exp(-forward(_keep_causal(cepstrum)))
     x = backward(inverse, length)[:n]
-    # It begins with 1, but for the frequencies that are beyond the samples.
+    # The first entry is 1 up to aliasing of the frequencies beyond the samples.
     if A.is_hermitian:
         scale = np.exp(-cepstrum[0].real)
         x *= scale / x[0] if is_complex else scale * x[0]
@@ -77,7 +77,7 @@ def factor_symbol(A: ToeplitzOperator, samples: Array | None = None) -> Columns:
 
 
 def _keep_causal(cepstrum: Array) -> Array:
-    """Return the positive frequencies; that in the middle is half a positive one."""
+    """Return the cepstrum at positive frequencies; the middle one counts half."""
     half = len(cepstrum) // 2
     causal = np.zeros_like(cepstrum)
     causal[1:half] = cepstrum[1:half]
@@ -86,9 +86,9 @@ def _keep_causal(cepstrum: Array) -> Array:
 
 
 def _logarithm(f: Array, is_complex: bool) -> Array:
-    """Return the continuous logarithm of f/f₀, f given on the circle, or on half where it is even.
+    """Return the continuous logarithm of f/f₀, for f given on the circle.
 
-    On the other half a real sequence has the conjugate values.
+    For a real sequence f is given on half of it; the other half has the conjugate values.
     """
     sizes = np.abs(f)
     smallest = float(sizes.min())
@@ -104,7 +104,7 @@ def _logarithm(f: Array, is_complex: bool) -> Array:
     winding = -round(whole / (2.0 * np.pi))  # The transform has the frequencies -θ.
     if winding:
         raise np.linalg.LinAlgError(
-            f"the symbol of A has the winding number {winding}, but needs 0 for its "
+            f"the symbol of A has the winding number {winding}, but must have 0 for its "
             f"Wiener-Hopf factors: {ADVICE}"
         )
     return np.asarray(np.log(sizes / sizes[0]) + 1j * phase)
