@@ -83,7 +83,7 @@ def test_what_is_not_positive_definite_is_refused():
     refuses(TypeError, "shift", tmg.tau_preconditioner, A, shift="1")
     refuses(ValueError, "shift", tmg.tau_preconditioner, A, shift=np.inf)
     A = tmg.ToeplitzOperator(contact(16))
-    advice = r"with A \+ shift \* eye_array\(n\) in the place of A"
+    advice = r"with A \+ shift \* eye_array\(n\) instead of A"
     refuses(np.linalg.LinAlgError, advice, tmg.tau_preconditioner, A, shift=1e-9)
     with pytest.raises(np.linalg.LinAlgError) as error:
         tmg.tau_preconditioner(A)

@@ -1,4 +1,4 @@
-"""What approximates A⁻¹: one idea a file, one public function each."""
+"""Preconditioners: each file has one idea and one public function."""
 
 from toeplitz_mg.operators.lifting import componentwise
 from toeplitz_mg.preconditioners.circulant import chan_preconditioner, strang_preconditioner

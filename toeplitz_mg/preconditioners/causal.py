@@ -1,25 +1,26 @@
 """Approximate inverses of a Toeplitz matrix that is not symmetric along its first axis.
 
-The matrix K of steady rolling is one: what happens is known from the leading edge backwards. It is
-to be inverted with additions to its diagonal, on elements whose tractions may change.
+An example is the matrix K of steady rolling, where the state is known from the leading edge
+backwards. It is inverted with additions to its diagonal, on the elements whose tractions may
+change.
 
-An inverse that is periodic would have its ends disturb each other: what is constant along the first
-axis, where K̂ is zero, most of all. So fields are multiplied by an exponential, K by the same from
-both sides, and a circulant is inverted that has all its lags but the longest: what goes around
+In a periodic inverse the two ends would disturb each other, most of all for fields that are
+constant along the first axis, where K̂ is zero. So fields and K are multiplied by an exponential,
+and the inverted circulant has all lags except the longest ones. What wraps around the period then
 comes back `WRAPPED` times as large.
 
-The inverse of a circulant that is near K is one of K, but for the edges of where tractions may
-change: the leading edge of the contact, and the edge behind which elements slide. What is wrong
-there is so on any scale, and would take more iterations the more elements there are.
+The inverse of a circulant near K approximates that of K except at the edges of the area where
+tractions may change: the leading edge of the contact, and the edge behind which elements slide. The
+error there has no length scale: iterations would grow with the number of elements.
 
-Along the first axis K is the product of two factors, of the lags from 0 on and of those from 0 down
-(Wiener and Hopf). From an edge on, the inverse of K is that of the one, cut at the edge, and then
-that of the other; up to an edge it is the same in the opposite order. And either is that of the
-circulant at an edge of the other kind: so the sum of both orders, less the inverse of the
-circulant, is right at both. With this the products do not depend on the number of elements.
+Along the first axis K is the product of two factors, one with the lags ≥ 0 and one with the lags ≤
+0 (Wiener and Hopf). From an edge on, the inverse of K is that of one factor, cut at the edge,
+followed by that of the other; up to an edge the order is reversed. At an edge of the other kind,
+either order gives the inverse of the circulant. So the sum of both orders minus the inverse of the
+circulant is right at both edges, and the number of products does not depend on that of elements.
 
-On a fragmented area no edge is far from others. There the inverse of K itself is given, of each
-component by its runs (see `runs`), and circulants are of K + ν only.
+On a fragmented area the edges are close to each other. There the caller passes an inverse of K for
+each component (see `runs`), and circulants are used only for K + ν.
 
 References
 ----------
@@ -45,23 +46,24 @@ from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_work, points_of_transform
 from toeplitz_mg.engine.workspace import workspace
 
-WRAPPED = 0.03  # What goes around a circulant comes back so many times as large.
-# Addition where nothing slides, over the largest of the symbol and by the number of elements along
-# the first axis: it bounds the inverse. A fixed one fades what comes from far ahead.
+WRAPPED = 0.03  # Factor by which a field is reduced when it wraps around a circulant.
+# Added to the eigenvalues: this fraction of the largest one, divided by the number of elements
+# along the first axis. It bounds the inverse; a fixed fraction would damp the influence from far
+# ahead.
 LEAST = 0.5
-# Length of the circulants over that of the grid along the first axis, and how many elements they
-# are longer at least: with all lags it takes as many iterations. Across they have all lags, or
-# some narrow contacts of elements that are longer than wide do not converge.
+# Length of the circulants divided by that of the grid along the first axis, and the least number of
+# extra elements; with all lags the iterations are as many. Across, all lags are needed: without
+# them some narrow contacts do not converge if the elements are longer than wide.
 LONGER, GAP = 1.5, 8
-# Additions to the matrix whose inverses are interpolated, over its diagonal.
+# Additions ν for which K + ν is inverted, divided by the diagonal; others are interpolated.
 ADDITIONS = np.array([0.0, 0.3, 2.0])
 
-# It projects fields, (k, components, ...), to those by which the tractions may change, in place.
+# Projects fields (k, components, ...), in place, onto those by which the tractions may change.
 Projection = Callable[[Array], object]
 
 
 class FieldTransform:
-    """Real transforms of fields on a grid of one or two axes, extended by zeros to circulants.
+    """Real transforms of fields on a grid of one or two axes, padded with zeros to circulants.
 
     Parameters
     ----------
@@ -73,13 +75,13 @@ class FieldTransform:
     ----------
     grid, dtype
     lengths : tuple of int
-        Those of the circulants.
+        The lengths of the circulants.
     rows : ndarray of int
-        The numbers of the rows of a field: of several ranks each has some.
+        The row numbers of a field; in a distributed computation those of this rank.
     vectors : Vectors
-        How much of a field is not zero, on all ranks.
+        Reductions over a field, on all ranks.
     share : float
-        That of this rank of the work.
+        The share of the work that this rank does.
     """
 
     vectors, share = VECTORS, 1.0
@@ -98,17 +100,17 @@ class FieldTransform:
         return FieldTransform(self.grid, np.float64)
 
     def halves(self, K: Any) -> tuple[Array, Array]:
-        """Return the coefficients of the lags from 0 on along the first axis, and from 0 down.
+        """Return the coefficients of the lags ≥ 0 along the first axis, and of the lags ≤ 0.
 
-        The latter are those of the opposite lags. Along the other axis both have all lags.
+        The latter are in the order 0, -1, …. Along the other axis both have all lags.
         """
         middle = self.grid[0] - 1
         return K.lags[middle:], np.flip(K.lags)[middle:]
 
     def forward(self, x: Array) -> Array:
-        """Return the transforms of fields, whose rows may be longer than those of the grid.
+        """Return the transforms of fields, of the shape (k, frequencies, frequencies).
 
-        They are of the shape (k, frequencies, frequencies).
+        The rows of a field may be longer than those of the grid.
         """
         x = x.reshape(-1, self._rows, x.shape[-1])
         with keep_bits(self.dtype, len(x) * self._rows):
@@ -116,21 +118,21 @@ class FieldTransform:
         return self._to_columns(Z)
 
     def backward(self, Z: Array) -> Array:
-        """Return the fields of transforms, cut to the grid."""
+        """Return the inverse transforms, cut to the grid."""
         Z = self._to_rows(Z)
         with keep_bits(self.dtype, len(Z) * self._rows):
             return fourier.irfft(Z, self._last)[..., : self._columns].reshape(-1, *self._local)
 
     def _to_columns(self, Z: Array) -> Array:
-        """Return the transforms along the columns of those of rows."""
+        """Transform the row transforms along the columns."""
         return self._along_columns(fourier.fft, Z, self._length)
 
     def _to_rows(self, Z: Array) -> Array:
-        """Return the transforms of rows of what `_to_columns` returns."""
+        """Undo `_to_columns`."""
         return self._along_columns(fourier.ifft, Z, self._rows)
 
     def _along_columns(self, transform: Callable[..., Array], Z: Array, rows: int) -> Array:
-        """Return so many rows of transforms along the columns, which threads share."""
+        """Return the first `rows` rows of transforms along the columns, computed by threads."""
         if self._length == 1:
             return Z
         out = workspace((len(Z), rows, Z.shape[2]), Z.dtype)
@@ -144,31 +146,30 @@ class FieldTransform:
 
 
 class ShiftedInverses:
-    """Approximate inverses of K + ν, of a matrix that is causal and additions ν.
+    """Approximate inverses of K + ν for several ν, where K is causal.
 
-    Their fields are added with weights that depend on the place: where an element slides, what is
-    to be inverted is K + λ with a λ of its own. They are circulants, of K itself by its factors,
-    and for large λ a multiple of the field itself.
+    `at` adds them with weights that vary in space, because a sliding element needs the inverse of
+    K + λ with its own λ. For ν = 0 the factors of a circulant are inverted, for ν > 0 a circulant,
+    and for large λ the inverse is a multiple of the identity.
 
     Parameters
     ----------
     transform : FieldTransform
-        What diagonalises the circulants.
+        Diagonalises the circulants.
     spectra : list of ndarray
-        The eigenvalues of circulants that are near the components of K. The components are inverted
-        each by itself: the coupling is weak, and inverted too, it saves no iteration.
+        The eigenvalues of circulants that approximate the diagonal blocks of K. The coupling of the
+        components is weak; inverting it too would not save an iteration.
     causal : list of ndarray
-        The causal factors of the inverses of these (see `find_causal_factor`).
+        The causal factors of the inverse spectra (see `find_causal_factor`).
     own : sequence of callable, optional
-        Approximate inverses of the components of K itself, from field to field, in the place of
-        its factors.
+        Functions of a field that replace the factors: approximate inverses of the diagonal blocks.
     diagonal : float
-        That of K.
+        The diagonal entry of K.
 
     Attributes
     ----------
     dtype : float32 or float64
-        That of the fields.
+        The precision of the fields.
     """
 
     def __init__(
@@ -196,7 +197,7 @@ class ShiftedInverses:
     def of(
         cls, K: Any, transform: FieldTransform, own: Sequence[Callable[[Array], Array]] = ()
     ) -> Self:
-        """Return those of a Toeplitz matrix, or of several components, for the fields of `own`."""
+        """Return the inverses for a Toeplitz matrix or for several components."""
         blocks = [row[i] for i, row in enumerate(getattr(K, "blocks", ((K,),)))]
         exact = transform.in_double()
         spectra = [find_spectrum(block, exact) for block in blocks]
@@ -204,10 +205,9 @@ class ShiftedInverses:
         return cls(transform, spectra, causal, float(blocks[0].diagonal_entry), own=own)
 
     def at(self, addition: Array) -> Callable[[Array, Projection], Array]:
-        """Return the approximate inverse of K + an addition to the diagonal at each place.
+        """Return the approximate inverse of K plus a diagonal matrix.
 
-        It takes a field, (components, ...), and the projection to those by which the tractions may
-        change, to another field.
+        It maps a field (components, ...) and a `Projection` to a field.
         """
         stiffness = addition / self.diagonal
         weights, local = interpolate(stiffness, self.dtype, ADDITIONS)
@@ -232,9 +232,9 @@ class ShiftedInverses:
         return invert
 
     def _cut(self, R: Array, within: Array, project_each: Projection) -> list[tuple[Array, Array]]:
-        """Return the inverse of K itself of a transform, cut at the edges, as terms of a sum."""
+        """Return K⁻¹ of a transform, with the factors cut at the edges, as terms of a sum."""
         first, second = self._causal, self._anticausal
-        # Without the half the sum of both orders would be twice the inverse of the circulant.
+        # Each order counts half of the circulant inverse, so that it is subtracted once in total.
         halves = self._multiply([[(R, first)], [(R, second)]])
         whole = 0.5 * halves
         project_each(halves)
@@ -244,13 +244,13 @@ class ShiftedInverses:
         return [(X, second), (Y, first)]
 
     def _forward(self, x: Array) -> Array:
-        """Return the transforms of fields, (..., components, ...)."""
+        """Return the transforms of fields (..., components, ...)."""
         fields = (x / self._fade).reshape(-1, *x.shape[-self._fade.ndim :])
         count_work(1, len(fields) * self._points)
         return self._transform.forward(fields)
 
     def _multiply(self, sums: Sequence[Sequence[tuple[Array, Array]]]) -> Array:
-        """Return the fields, (k, components, ...), of sums of eigenvalues times transforms."""
+        """Return the fields (k, components, ...) whose transforms are Σ transform · eigenvalues."""
         components, *frequencies = sums[0][0][0].shape
         count_work(1, len(sums) * components * self._points)
         Z = workspace((len(sums), components, *frequencies), sums[0][0][0].dtype)
@@ -264,17 +264,17 @@ class ShiftedInverses:
 
 
 def interpolate(addition: Array, dtype: DTypeLike, additions: Array) -> tuple[Array, Array]:
-    """Return the weights of the inverses, (k, ...), and of 1/k₀ in one for an addition over k₀.
+    """Return the weights (k, ...) of the inverses, and of the identity, for an addition over k₀.
 
-    In x = 1/(k₀ + ν) the inverse of K + ν is x - x² (K - k₀) + ...: the first term is known, and
-    what the others are over x² is interpolated. So it is exact where K is its diagonal k₀, and
-    nearly so beyond the last ν.
+    With x = 1/(k₀ + ν) the inverse of K + ν is x - x² (K - k₀) + …. The first term is known; the
+    others, divided by x², are interpolated. So the result is exact if K is its diagonal k₀, and
+    nearly exact beyond the last ν.
     """
     x, nodes = (1.0 / (1.0 + given).astype(dtype) for given in (addition, additions))
     nodes = nodes.reshape(-1, *(1,) * x.ndim)
     here, after = nodes[:-1], nodes[1:]
     weights = np.empty((len(nodes), *x.shape), dtype)
-    # How much of what is interpolated is of the nodes up to each: of the last ones, all of it.
+    # The share of the nodes up to each one in the interpolation: for the last node it is 1.
     weights[-1] = 1.0
     share = np.multiply(x - after, 1.0 / (here - after), out=weights[:-1])
     np.minimum(np.maximum(share, 0.0, out=share), 1.0, out=share)
@@ -287,16 +287,16 @@ def interpolate(addition: Array, dtype: DTypeLike, additions: Array) -> tuple[Ar
 
 
 def find_lengths(grid: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the lengths of circulants for a grid, at least; across, those of all lags."""
+    """Return fast lengths of circulants for a grid; across the first axis they hold all lags."""
     all_lags, *across = (2 * n - 1 for n in grid)
     along = min(max(ceil(LONGER * grid[0]), grid[0] + GAP), all_lags)
     return tuple(map(next_fast_len, (along, *across)))
 
 
 def find_spectrum(K: Any, transform: FieldTransform) -> Array:
-    """Return the eigenvalues of the circulant that has the lags of a Toeplitz matrix, faded.
+    """Return the eigenvalues of the circulant with the exponentially weighted lags of K.
 
-    They are of the shape (frequencies, frequencies), those of a single axis along the last one.
+    Their shape is (frequencies, frequencies); a single axis is the last one.
     """
     n, (length, *across) = transform.grid[0], transform.lengths
     fade, rows = _fade(transform), transform.rows
@@ -304,7 +304,7 @@ def find_spectrum(K: Any, transform: FieldTransform) -> Array:
     halves = [half * by for half, by in zip(transform.halves(K), factors, strict=True)]
     for half in halves:
         half[rows > find_longest_lag(n, length)] = 0.0
-    halves[1][rows == 0] = 0.0  # The lag zero is in the first half.
+    halves[1][rows == 0] = 0.0  # The first half has the lag zero.
     for last in across:
         halves = [around(NUMPY, *split(NUMPY, half, 1, 0), 1, last) for half in halves]
     count_work(2, transform.share * points_of_transform(*transform.lengths))
@@ -315,24 +315,24 @@ def find_spectrum(K: Any, transform: FieldTransform) -> Array:
 
 
 def find_longest_lag(n: int, length: int) -> int:
-    """Return the longest lag along an axis of n elements that a circulant of this length has."""
+    """Return the longest lag that fits into a circulant of this length, for n elements."""
     return min(n, (length + 1) // 2) - 1
 
 
 def bound_from_zero(spectrum: Array, least: float) -> None:
-    """Make the real parts of eigenvalues at least so large, in place.
+    """Raise the real parts of eigenvalues to at least `least`, in place.
 
-    Those of K are not negative; of its lags on a long and narrow grid alone some are.
+    Those of K are not negative, but on a long and narrow grid those of its cut lags may be.
     """
     np.maximum(spectrum.real, 0.0, out=spectrum.real)
     spectrum += least
 
 
 def find_causal_factor(spectrum: Array, lengths: tuple[int, ...]) -> Array:
-    """Return the factor of eigenvalues whose lags along the first axis are those from 0 on.
+    """Return the factor of the eigenvalues with the lags ≥ 0 along the first axis.
 
-    The other one, of the lags from 0 down, is the eigenvalues over this one (Wiener and Hopf): the
-    logarithm of a product is a sum. Their real parts are to be positive, or it has no branch.
+    The eigenvalues divided by it are the factor with the lags ≤ 0 (Wiener and Hopf): the logarithm
+    turns the product into a sum. The real parts must be positive, so that it has a branch.
     """
     weights, logarithm = weigh_causally(np.arange(lengths[0]), lengths[0]), np.log(spectrum)
     if len(lengths) == 1:
@@ -344,21 +344,21 @@ def find_causal_factor(spectrum: Array, lengths: tuple[int, ...]) -> Array:
 
 
 def weigh_causally(lags: Array, length: int) -> Array:
-    """Return the weights of the lags of a period in the causal part of a logarithm.
+    """Return the weights of a period's lags in the causal part of a logarithm.
 
-    The lag zero is shared: both factors are to depend as little as can be on the frequency across,
-    as what is between them, the cut at an edge, does not commute with that.
+    The lag zero is shared equally. This makes both factors depend as little as possible on the
+    frequency across, which does not commute with the cut at an edge between them.
     """
     weights: Array = np.where(lags == 0, 0.5, (2 * lags <= length).astype(float))
     return weights
 
 
 def _fade(transform: FieldTransform) -> Array:
-    """Return the exponential by which fields are divided, for each of their rows."""
+    """Return the exponential by which the rows of fields are divided."""
     shape = -1, *(1,) * (len(transform.lengths) - 1)
     return np.exp(fade_rate(transform.lengths[0]) * transform.rows).reshape(shape)
 
 
 def fade_rate(length: int) -> float:
-    """Return the rate, for an element, of the exponential that fades what goes around."""
+    """Return the rate per element of the exponential that damps what wraps around."""
     return float(np.log(WRAPPED) / length)

@@ -1,9 +1,9 @@
-"""Which preconditioner for which matrix and mask, and why: the one place that chooses.
+"""Select a preconditioner for a matrix and a mask, with the reason.
 
-The table `ROWS` is read from top to bottom. The rows that fit a matrix are its candidates, the
-fastest first: `default_preconditioner` makes the first that is not refused, `select_preconditioner`
-lists them (both in `default`). The active sets of `toeplitz_mg.contact` ask here whether FSAI is
-worth its set-up.
+The table `ROWS` is read from top to bottom; the rows that fit a matrix are its candidates, the
+fastest first. `default_preconditioner` builds the first candidate that is not refused, and
+`select_preconditioner` lists them (both in `default`). `toeplitz_mg.contact` asks here whether FSAI
+is worth its set-up on an active set.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -50,19 +50,19 @@ from toeplitz_mg.values import count
 FEW, SMOOTH, _ = NUMBERS
 
 # The constants that choose. `python -m comparisons.preconditioners` measures both sides of the
-# first three, and of DIRECT, its part `trials` those of a trial, and `python -m comparisons.theory`
-# those of active sets, by the products on rough surfaces.
-LONG = 2**14  # Fewest elements of a grid whose transforms take longer than the calls of FSAI.
-COMPACT = 5.0  # Largest `fragmentation` of one blob.
-HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ of a spectral factor of a symbol that is of use.
-STEPS = 10  # Steps of conjugate gradients in a trial, of all candidates together.
-STEPS_OF_EACH = 2  # Those after which the energy tells preconditioners apart.
-NEARLY = 0.99  # Least fall of the energy without a preconditioner, over that with it, for none.
-ADVANTAGE = 2.0  # Largest quotient of the residuals without a preconditioner and with it, for none.
-LARGE = 2**16  # Fewest elements of a grid on which an active set is worth a set-up of FSAI.
-SETTLED = 0.05  # Largest share of a set that changed where FSAI is set up: it soon changes no more.
-# Largest share of a set that changed where FSAI is kept. Where more did, a set-up, which takes as
-# long as one to three products, saves more than that; where less did, it saves about one.
+# first three and of DIRECT, its part `trials` those of a trial, and `python -m comparisons.theory`
+# those of active sets, by the number of products on rough surfaces.
+LONG = 2**14  # Fewest elements of a grid for which FSAI is faster than transforms.
+COMPACT = 5.0  # Largest `fragmentation` of an area that counts as one blob.
+HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ of a useful spectral factor.
+STEPS = 10  # CG steps in a trial, all candidates together.
+STEPS_OF_EACH = 2  # CG steps after which the energy ranks the candidates.
+NEARLY = 0.99  # No preconditioner is preferred if the energy falls by this share of that with it,
+ADVANTAGE = 2.0  # and its residual is at most this many times that with it.
+LARGE = 2**16  # Fewest elements of a grid on which FSAI is worth its set-up for an active set.
+SETTLED = 0.05  # FSAI is set up only if at most this share of an active set has just changed.
+# FSAI is rebuilt if more than this share of the active set has changed. Above it the set-up (one to
+# three products) saves more than it costs; below it, it saves about one product.
 KEPT = 0.004
 
 Make = Callable[..., LinearOperator]
@@ -70,18 +70,18 @@ Make = Callable[..., LinearOperator]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A preconditioner that may be taken.
+    """A preconditioner that may be selected.
 
     Attributes
     ----------
     name : str
         The function of this package that makes it, or a description.
     reason : str
-        Why it has this place in the list.
+        Why it is at this place in the list.
     make : callable
         ``make(A, dtype=dtype)`` returns it, or raises a LinAlgError if it is refused.
     is_exact : bool
-        Whether it is the exact inverse, which needs no trial.
+        Whether it is the exact inverse, so that no trial is needed.
     """
 
     name: str
@@ -97,14 +97,14 @@ class Selection:
     Attributes
     ----------
     candidates : tuple of Candidate
-        The first that is not refused is taken, unless there is a trial.
+        The first that is not refused is used, unless there is a trial.
     others : tuple of Candidate
-        Those that a trial compares with the first candidate and with no preconditioner.
+        A trial compares these with the first candidate and with no preconditioner.
     needs_trial : bool
-        Whether a candidate that is not the exact inverse is compared with others by a trial; if
-        false, there is a trial only if all candidates are refused.
+        Whether a trial is made although a candidate is accepted, unless that is the exact inverse.
+        If False, there is a trial only if all candidates are refused.
     components : tuple of Selection
-        What each component takes by itself if all candidates for the coupled matrix are refused.
+        The selection for each component, used if all candidates for the coupled matrix are refused.
     """
 
     candidates: tuple[Candidate, ...]
@@ -122,17 +122,17 @@ class Selection:
             trial = f"by a trial of {STEPS} steps of CG in all"
             lines.append(f"{when} the best of {names} and none, {trial}")
         if self.components:
-            lines.append(("if refused, " if lines else "") + "each component by itself:")
-            # Most often it is the same for all.
+            lines.append(("if refused, " if lines else "") + "each component separately:")
+            # Usually all components have the same selection, which is printed once.
             for text in dict.fromkeys(map(repr, self.components)):
                 lines += [f"    {line}" for line in text.splitlines()]
         return "\n".join(lines)
 
 
 class Plan(NamedTuple):
-    """A `Selection` whose candidates and components are found as they are asked for, once."""
+    """A `Selection` whose candidates and components are generated on demand, once."""
 
-    A: LinearOperator  # The matrix that they are made of, on a line without axes of one element.
+    A: LinearOperator  # The matrix to precondition; on a line, without axes of one element.
     candidates: Iterator[Candidate]
     others: tuple[Candidate, ...] = ()
     needs_trial: bool = False
@@ -140,20 +140,20 @@ class Plan(NamedTuple):
 
 
 def plan(A: LinearOperator, solves: int) -> Plan:
-    """Return what may be taken of a matrix."""
+    """Return the candidates for a matrix."""
     require_numpy(A, "a choice of preconditioners")
     is_worth_set_up = count("solves", solves) > 1
     full, mask = unwrap(A)
     if not isinstance(full, CoupledOperator):
         return _plan(A, is_worth_set_up)
     check_hermitian(full)
-    # A product of several components costs more, and so few iterations are worth more.
+    # Products of several components cost more, so fewer iterations are worth a longer set-up.
     parts = (_plan(component, True) for component in components(full, mask))
     return Plan(A, _of_all_components(A, mask), components=parts)
 
 
 def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
-    """Return what may be taken of one component."""
+    """Return the candidates for one component."""
     facts = Facts(A, is_worth_set_up)
     needs_trial = not facts.is_line and not facts.decreases
     others = tuple(_read(OTHERS, facts))
@@ -162,13 +162,13 @@ def _plan(A: LinearOperator, is_worth_set_up: bool) -> Plan:
 
 
 def _of_few(A: LinearOperator) -> Iterator[Candidate]:
-    """Yield what is taken of few unknowns, before all else."""
+    """Yield the Cholesky factor if there are few unknowns."""
     if A.shape[0] <= DIRECT:
         yield Candidate("Cholesky factor", f"at most {DIRECT} unknowns", factorise, is_exact=True)
 
 
 def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candidate]:
-    """Yield what may be taken of coupled components together."""
+    """Yield the candidates that treat coupled components together."""
     yield from _of_few(A)
     if mask is not None and not mask.all() and A.dtype.kind != "c":
         reason = "a mask; of all components together, if their coupling is strong"
@@ -176,18 +176,18 @@ def _of_all_components(A: LinearOperator, mask: Mask | None) -> Iterator[Candida
 
 
 class Facts:
-    """What the table asks of a matrix of one component; what takes long is found when it is asked.
+    """The properties of a one-component matrix that the table asks for; slow ones on demand.
 
     Attributes
     ----------
     A : LinearOperator
     full : ToeplitzOperator
-        That of the whole grid, without axes of one element.
+        The matrix on the whole grid, without axes of one element.
     is_worth_set_up : bool
-        Whether few iterations are worth a longer set-up.
+        Whether fewer iterations are worth a longer set-up.
     is_complex : bool
     is_line, is_grid, is_mask : bool
-        Whether the unknowns are all of a line, all of a grid of more axes, or some of either.
+        Whether the unknowns are a whole line, a whole grid of several axes, or part of either.
     """
 
     def __init__(self, A: LinearOperator, is_worth_set_up: bool) -> None:
@@ -200,12 +200,12 @@ class Facts:
 
     @property
     def is_real_line(self) -> bool:
-        """Whether the unknowns are all of a line, and real: the symbol tells what is taken."""
+        """Whether the unknowns are a whole line and real, so that the symbol decides."""
         return self.is_line and not self.is_complex
 
     @property
     def is_large(self) -> bool:
-        """Whether transforms of the grid take longer than the calls of FSAI."""
+        """Whether FSAI is faster than transforms of the grid."""
         return self.full.c.size >= LONG
 
     @cached_property
@@ -217,7 +217,7 @@ class Facts:
 
     @cached_property
     def decays_slowly(self) -> bool:
-        """Whether the coefficients decay along each axis as those of a half-space."""
+        """Whether the coefficients decay along each axis like those of a half-space."""
         return all(map(traits.decays_slowly, traits.along_axes(self.full.c)))
 
     # The symbol of a line -----------------------------------------------------------------------
@@ -234,7 +234,7 @@ class Facts:
 
     @cached_property
     def factor(self) -> Columns | None:
-        """The column of the inverse by the spectral factor, of a real matrix, if that has one."""
+        """The column of the inverse from the spectral factor; None if complex or refused."""
         if self.is_complex:
             return None
         with suppress(np.linalg.LinAlgError):
@@ -243,17 +243,17 @@ class Facts:
 
     @property
     def is_hardly_resolved(self) -> bool:
-        """Whether the symbol is positive, and not all is lost of it with n lags."""
+        """Whether the symbol is positive and the n lags resolve it at least roughly."""
         return self.factor is not None and self.factor.residual <= HARDLY_RESOLVED
 
     @property
     def is_resolved(self) -> bool:
-        """Whether that column makes a preconditioner."""
+        """Whether the column from the spectral factor makes a preconditioner."""
         factor = self.factor
         return factor is not None and factor.residual <= RESOLVED and factor.is_definite
 
     def invert(self, inverse: Callable[..., LinearOperator], **known: Any) -> Make:
-        """Return what makes a preconditioner of the line, of samples or factors that are known."""
+        """Return a function that makes a preconditioner of the line from known data."""
 
         def make(_: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
             return inverse(self.full, **known, dtype=dtype)
@@ -264,12 +264,12 @@ class Facts:
 
     @property
     def suits_fsai(self) -> bool:
-        """Whether there are rows of FSAI: on one axis or two, of coefficients that are even."""
+        """Whether FSAI can be used: real even coefficients, one or two axes."""
         return not self.is_complex and len(self.full.grid_shape) <= 2 and self.full.is_even
 
     @cached_property
     def suits_sine(self) -> bool:
-        """Whether a mask is of one piece, or nearly, and FSAI not worth its set-up."""
+        """Whether a mask is one blob, or nearly, and FSAI is not worth its set-up."""
         shape, mask = self.full.grid_shape, self._mask
         if mask is None or not (self.is_mask and self.suits_fsai) or len(shape) == 1:
             return False
@@ -278,9 +278,9 @@ class Facts:
 
     @property
     def may_be_fsai(self) -> bool:
-        """Whether it is FSAI: on a mask at once, on a grid where cosine is refused.
+        """Whether FSAI is a candidate: first on a mask, and on a grid if cosine is refused.
 
-        On a line it takes hundreds of iterations for a smooth covariance that is as wide as that.
+        On a line it would take hundreds of iterations for a smooth covariance as wide as the line.
         """
         if not self.suits_fsai or self.is_line or self.suits_sine:
             return False
@@ -289,9 +289,9 @@ class Facts:
 
     @property
     def has_slow_transforms(self) -> bool:
-        """Whether a length is slow for transforms, for which the cosine takes twice the iterations.
+        """Whether a grid length is slow for transforms; the cosine then takes twice the iterations.
 
-        FSAI needs coefficients that decay slowly, as those of a half-space.
+        FSAI replaces it if the coefficients decay slowly, like those of a half-space.
         """
         is_slow = self.is_large and traits.has_slow_length(self.full.grid_shape)
         return self.suits_fsai and is_slow and self.decays_slowly
@@ -301,7 +301,7 @@ class Facts:
 
 
 def factorise(A: LinearOperator, *, dtype: DTypeLike | None = None) -> DenseInverse:
-    """Return the inverse by a Cholesky factor, or refuse it where its precision is not enough."""
+    """Return the inverse by a Cholesky factor; refuse it if it is not accurate enough."""
     inverse = DenseInverse(A, precision(unwrap(A)[0], dtype))
     if not inverse.is_accurate:
         raise np.linalg.LinAlgError(f"A is too ill-conditioned for a factor in {inverse.dtype}")
@@ -309,7 +309,7 @@ def factorise(A: LinearOperator, *, dtype: DTypeLike | None = None) -> DenseInve
 
 
 def couple(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    """Return FSAI of all components together, or refuse it where their coupling is weak."""
+    """Return FSAI for all components together; refuse it if their coupling is weak."""
     joint = coupled_fsai(A, dtype)
     if joint is None:
         raise np.linalg.LinAlgError("the coupling is weak, or not that of a half-space")
@@ -317,7 +317,7 @@ def couple(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperat
 
 
 def quick_fsai(A: LinearOperator, *, dtype: DTypeLike | None = None) -> LinearOperator:
-    """Return `fsai_preconditioner` with the fewest neighbours, whose set-up is the shortest."""
+    """Return `fsai_preconditioner` with the fewest neighbours and the shortest set-up."""
     return fsai_preconditioner(A, neighbours=FEW, dtype=dtype)
 
 
@@ -330,12 +330,12 @@ class Row(NamedTuple):
     Attributes
     ----------
     function : callable
-        The public function whose preconditioner may be taken.
+        The public function that makes the preconditioner.
     why : str
     when : callable
-        ``when(facts)``: whether it may.
+        ``when(facts)`` tells whether it is a candidate.
     how : callable, optional
-        ``how(facts)`` returns what makes it, where that is not the function as it is.
+        ``how(facts)`` returns a function that makes it; by default `function` is used.
     """
 
     function: Make
@@ -345,7 +345,7 @@ class Row(NamedTuple):
 
 
 def _read(rows: Iterable[Row], facts: Facts) -> Iterator[Candidate]:
-    """Yield the candidates of a matrix."""
+    """Yield the candidates for a matrix."""
     for row in rows:
         if row.when(facts):
             make = row.function if row.how is None else row.how(facts)
@@ -353,27 +353,27 @@ def _read(rows: Iterable[Row], facts: Facts) -> Iterator[Candidate]:
 
 
 ROWS = (
-    # All of a line: iterations to 1e-8.
+    # A whole line; the numbers are iterations to 1e-8.
     Row(
         fsai_preconditioner,
-        "a long line of slow decay",  # 4 to 12, but cheap ones, and next to no set-up.
+        "a long line, slow decay",  # 4 to 12 iterations, cheap ones, and hardly any set-up.
         lambda f: f.is_real_line and f.is_large and f.decays_slowly,
     ),
     Row(
         sine_preconditioner,
-        "a zero of the symbol at θ = 0",  # The sines do not see it: 3 to 10.
+        "a zero of the symbol at θ = 0",  # The sine transform does not sample it: 3 to 10.
         lambda f: f.is_real_line and traits.has_zero_at_start(f.samples),
         lambda f: f.invert(sine_inverse, samples=f.samples),
     ),
     Row(
         cosine_preconditioner,
-        "a zero of the symbol at θ = π",  # The cosines do not see that.
+        "a zero of the symbol at θ = π",  # The cosine transform does not sample it.
         lambda f: f.is_real_line and traits.has_zero_at_start(f.samples[::-1]),
         lambda f: f.invert(cosine_inverse, samples=f.samples),
     ),
     Row(
         cosine_preconditioner,
-        "an exponential covariance",  # As wide as the matrix, more or less: 2 to 5.
+        "an exponential covariance",  # About as wide as the matrix: 2 to 5.
         lambda f: f.is_real_line and f.decreases and traits.decays_exponentially(f.line.c),
         lambda f: f.invert(cosine_inverse, samples=f.samples),
     ),
@@ -391,19 +391,19 @@ ROWS = (
     ),
     Row(
         spectral_preconditioner,
-        "as good as the inverse, whatever the symbol",
+        "nearly the inverse, for any symbol",
         lambda f: f.is_line,
         lambda f: f.invert(spectral_inverse, factor=f.factor),
     ),
-    # All of a grid of more axes.
+    # A whole grid of several axes.
     Row(
         fsai_preconditioner,
-        f"slow transforms, and slow decay; {FEW} neighbours",
+        f"slow transforms and slow decay; {FEW} neighbours",
         lambda f: f.is_grid and f.has_slow_transforms,
         lambda f: quick_fsai,
     ),
-    Row(cosine_preconditioner, "all of a grid", lambda f: f.is_grid and not f.is_complex),
-    # A mask, or what follows a refusal on a grid.
+    Row(cosine_preconditioner, "a whole grid", lambda f: f.is_grid and not f.is_complex),
+    # A mask, or a grid for which the cosine is refused.
     Row(
         sine_preconditioner,
         "a mask in three axes or more, or a kernel that is not even",
@@ -427,19 +427,18 @@ ROWS = (
         lambda f: f.may_be_fsai,
         lambda f: partial(fsai_preconditioner, neighbours=SMOOTH),
     ),
-    Row(chan_preconditioner, "whatever the kernel", lambda f: f.is_complex and not f.is_line),
+    Row(chan_preconditioner, "any kernel", lambda f: f.is_complex and not f.is_line),
 )
 
-# What a trial compares with the first of these that is not refused, and with none. Where cosine is
-# not that, sine is as good. T. Chan's circulant wraps around: of coefficients that decrease, where
-# all else is refused, that is of a covariance as wide as its grid, it takes several times the
-# iterations of none.
+# A trial compares the first accepted row of the table with these and with no preconditioner. Sine
+# is as good as cosine if that is not in the table. T. Chan's circulant wraps around: for a
+# covariance as wide as its grid it takes several times the iterations of no preconditioner.
 OTHERS = (
-    Row(sine_preconditioner, "whatever the kernel", lambda f: not f.is_complex),
+    Row(sine_preconditioner, "any kernel", lambda f: not f.is_complex),
     Row(chan_preconditioner, "coefficients that do not decrease", lambda f: not f.decreases),
     Row(
         fft_preconditioner,
-        "a kernel that is not even along each axis",  # As that of a motion blur: 50, cosine 700.
+        "a kernel that is not even along each axis",  # A motion blur: 50 iterations, cosine 700.
         lambda f: f.is_grid and not (f.is_complex or f.full.is_even),
     ),
 )
@@ -451,19 +450,20 @@ OTHERS = (
 def is_fsai_worthwhile(
     elements: int, fragmentation: Callable[[], float], change: float = 0.0
 ) -> bool:
-    """Whether FSAI is worth its set-up on a set of unknowns, a share of which has just changed.
+    """Whether FSAI is worth its set-up on an active set.
 
     Parameters
     ----------
     elements : int
-        Those of the grid, of all components.
+        The elements of the grid, all components together.
     fragmentation : callable
-        Returns that of the set: it takes long enough to be asked for last.
+        Returns the fragmentation of the set; it is slow, and therefore called last.
     change : float, optional
+        The share of the set that has just changed.
     """
     return change <= SETTLED and elements >= LARGE and fragmentation() > COMPACT
 
 
 def is_fsai_kept(change: float) -> bool:
-    """Whether FSAI still serves a set of unknowns, a share of which has changed since."""
+    """Whether FSAI is still good after this share of an active set has changed."""
     return change <= KEPT

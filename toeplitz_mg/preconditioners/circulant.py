@@ -1,4 +1,4 @@
-"""Circulant preconditioners by Strang and by T. Chan: the baselines to beat."""
+"""Circulant preconditioners by Strang and by T. Chan."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ from toeplitz_mg.operators.positivity import (
 from toeplitz_mg.operators.sums import advise_of_negative
 from toeplitz_mg.operators.symbol import NEGLIGIBLE
 
-# Least size of a sample over the distance to those beside it. With 0.03 to 0.3 GMRES takes as many
+# Least |sample| divided by the distance to its neighbours. With 0.03 to 0.3 GMRES takes as many
 # iterations for symbols that are zero at a sample; with 0.001 it loses some digits.
 SHARE = 0.05
 
@@ -79,7 +79,7 @@ def strang_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) 
     for axis, n in enumerate(A.grid_shape):
         half, zero = n // 2, n - 1
         parts = [column[cut(axis, zero, zero + (n + 1) // 2)]]
-        if n % 2 == 0:  # The lags n/2 and -n/2 have one place: it has their mean.
+        if n % 2 == 0:  # The lags n/2 and -n/2 share one entry: it is their mean.
             ends = (column[cut(axis, zero + k, zero + k + 1)] for k in (half, -half))
             parts.append((next(ends) + next(ends)) / 2)
         parts.append(column[cut(axis, zero - (n - 1) // 2, zero)])
@@ -146,18 +146,18 @@ def chan_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) ->
 
 @lift(accepts="any", parts=("mask",))
 def _chan_inverse(A: LinearOperator, dtype: DTypeLike | None) -> LinearOperator:
-    """Return the inverse of T. Chan's circulant of one component."""
+    """Return the inverse of T. Chan's circulant for one component."""
     return _definite_inverse(A, chan_eigenvalues(A), "T. Chan", dtype)
 
 
 def _invert_coupled(A: CoupledOperator, dtype: np.dtype[Any]) -> DiagonalisedOperator:
-    """Return the inverse of the block circulant of T. Chan's circulant of each block."""
+    """Return the inverse of the block circulant with T. Chan's circulant of each block."""
     library = A.library
     xp, components, grid = library.xp, len(A.blocks), A.grid_shape[1:]
     blocks = [block for row in A.blocks for block in row if block is not None]
     kind = np.result_type(A.dtype, np.complex128)
     transforms = library.complex_fourier if A.dtype.kind == "c" else library.fourier
-    precise = np.result_type(A.dtype, np.float64)  # A block may be real where others are complex.
+    precise = np.result_type(A.dtype, np.float64)  # A complex A may have real blocks.
     columns = {id(block): library.cast(_mean_lags(block), precise) for block in blocks}
     symbol = {key: library.cast(transforms.forward(c), kind) for key, c in columns.items()}
     count_transforms(len(columns), *grid)
@@ -181,14 +181,14 @@ def _invert_coupled(A: CoupledOperator, dtype: np.dtype[Any]) -> DiagonalisedOpe
 
 
 def smooth_inverse(A: ToeplitzOperator, eigenvalues: Array) -> DiagonalisedOperator:
-    """Return the inverse of a circulant with these eigenvalues (see `chan_eigenvalues`).
+    """Return the inverse of a circulant with these eigenvalues (see `chan_eigenvalues`), for GMRES.
 
-    A matrix of any kind has it, one that is indefinite too: it is for GMRES then.
+    The matrix may be of any kind, also indefinite.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If one is zero.
+        If an eigenvalue is zero.
     """
     return _inverse(A, eigenvalues, "the smooth", A.dtype)
 
@@ -196,8 +196,8 @@ def smooth_inverse(A: ToeplitzOperator, eigenvalues: Array) -> DiagonalisedOpera
 def chan_eigenvalues(A: ToeplitzOperator) -> Array:
     """Return the eigenvalues of T. Chan's circulant: means of the symbol around θ = 2πk/n.
 
-    They are real where A is Hermitian. Of a real matrix they are those of k ≤ n/2 along the last
-    axis.
+    They are real if A is Hermitian. For a real matrix only those with k ≤ n/2 along the last axis
+    are returned.
     """
     eigenvalues = _transform(_mean_lags(A))
     return A.library.real(eigenvalues) if A.is_hermitian else eigenvalues
@@ -210,7 +210,7 @@ def _mean_lags(A: ToeplitzOperator) -> Array:
         w = 1.0 - np.arange(n).reshape((n,) + (1,) * (column.ndim - 1 - axis)) / n
         w = library.from_numpy(w)
         positive = column[cut(axis, n - 1)]
-        # The lag k - n of k = 0 is none of A, and has no weight.
+        # The entry k = 0 would have the lag -n, which A does not have; its weight is zero.
         parts = [column[cut(axis, 2 * n - 2)], column[cut(axis, 0, n - 1)]]
         negative = library.xp.concat(parts, axis=axis)
         column = w * positive + (1.0 - w) * negative
@@ -218,7 +218,7 @@ def _mean_lags(A: ToeplitzOperator) -> Array:
 
 
 def away_from_zero(eigenvalues: Array, dtype: DTypeLike) -> Array:
-    """Return eigenvalues of which isolated ones near zero are moved away from it.
+    """Move isolated eigenvalues near zero away from it.
 
     The eigenvalues are samples of a symbol. Where the symbol changes its sign, or winds around
     zero, one sample may vanish by chance although the matrix is well-conditioned. Its absolute
@@ -230,7 +230,7 @@ def away_from_zero(eigenvalues: Array, dtype: DTypeLike) -> Array:
     eigenvalues : array
         In the format of `chan_eigenvalues`, of any number of axes.
     dtype : float32 or float64, complex64 or complex128
-        The precision of the matrix, to whose rounding they are compared.
+        The precision of the matrix, whose rounding decides what is zero.
 
     Examples
     --------
@@ -276,12 +276,12 @@ def smooth_column(c: Array, r: Array) -> Array:
 
 
 def chan_column(c: Array, r: Array) -> Array:
-    """Return the first column of T. Chan's circulant, of a matrix of one axis."""
+    """Return the first column of T. Chan's circulant, for a matrix of one axis."""
     return _weigh(c, r, 1.0 - np.arange(len(c)) / len(c))
 
 
 def _weigh(c: Array, r: Array, weights: Array) -> Array:
-    """Return the weighted means of the lags k, and of the lags k - n."""
+    """Return the weighted means of the entries at the lags k and k - n."""
     behind = np.append(0.0, r[:0:-1])
     return behind + weights * (c - behind)
 
@@ -289,16 +289,16 @@ def _weigh(c: Array, r: Array, weights: Array) -> Array:
 def _definite_inverse(
     A: ToeplitzOperator, eigenvalues: Array, name: str, dtype: DTypeLike | None
 ) -> DiagonalisedOperator:
-    """Invert a circulant that is to be positive definite where A is Hermitian.
+    """Invert a circulant, which must be positive definite if A is Hermitian.
 
-    Of other matrices it is for GMRES, for which no eigenvalue need be zero.
+    For other matrices it is used with GMRES, which needs nonzero eigenvalues only.
     """
     dtype = precision(A, dtype)
     if A.is_hermitian:
         eigenvalues = A.library.real(eigenvalues)
         if name == "Strang":
             other = name_robust(A.grid_shape)
-        else:  # These eigenvalues are Rayleigh quotients of A.
+        else:  # T. Chan's eigenvalues are Rayleigh quotients of A.
             other = LAST_RESORT if may_be_positive(eigenvalues, dtype) else INDEFINITE
         require_positive(eigenvalues, dtype, f"{name}'s circulant has the eigenvalue", other)
     else:
@@ -309,7 +309,7 @@ def _definite_inverse(
 def _inverse(
     A: ToeplitzOperator, eigenvalues: Array, name: str, dtype: np.dtype[Any]
 ) -> DiagonalisedOperator:
-    """Invert the circulant with these eigenvalues, which stands for A."""
+    """Invert the circulant with these eigenvalues, which approximates A."""
     subject = f"{name}'s circulant has the eigenvalue"
     require_nonzero(eigenvalues, dtype, subject, "gmres without M")
     shape, library = A.grid_shape, A.library

@@ -130,15 +130,15 @@ def default_preconditioner(
 
 
 def _candidates_elsewhere(A: LinearOperator) -> list[Candidate]:
-    """Return what arrays of any library have, the first to be taken first."""
+    """Return the candidates that support arrays of any library, in order of preference."""
     full, mask = unwrap(A)
     if isinstance(full, CoupledOperator):
         check_hermitian(full)
     else:
         unwrap_toeplitz(A, check_hermitian)
     candidates = [
-        Candidate("cosine_preconditioner", "all of a grid", cosine_preconditioner),
-        Candidate("chan_preconditioner", "whatever the kernel", chan_preconditioner),
+        Candidate("cosine_preconditioner", "a whole grid", cosine_preconditioner),
+        Candidate("chan_preconditioner", "any kernel", chan_preconditioner),
     ]
     is_mask = mask is not None and not mask.all()
     if is_mask and len(grid_of(A)) <= 2 + isinstance(full, CoupledOperator):
@@ -147,7 +147,7 @@ def _candidates_elsewhere(A: LinearOperator) -> list[Candidate]:
 
 
 def _make_elsewhere(A: LinearOperator, dtype: DTypeLike | None) -> LinearOperator:
-    """Return the first that is not refused of those that arrays of any library have."""
+    """Build the first candidate for arrays of any library that is not refused."""
     refusals = []
     for candidate in _candidates_elsewhere(A):
         try:
@@ -217,7 +217,7 @@ def _list(plan: Plan) -> Selection:
 
 
 def _make(plan: Plan, dtype: DTypeLike | None) -> LinearOperator:
-    """Return the first candidate that is not refused, or the best in a trial."""
+    """Build the first candidate that is not refused, or the best one in a trial."""
     taken = next(_accept(plan.candidates, plan.A, dtype), None)
     if taken is not None and (taken[0].is_exact or not plan.needs_trial):
         return taken[1]
@@ -232,7 +232,7 @@ def _make(plan: Plan, dtype: DTypeLike | None) -> LinearOperator:
 def _accept(
     candidates: Iterable[Candidate], A: LinearOperator, dtype: DTypeLike | None
 ) -> Iterator[tuple[Candidate, LinearOperator]]:
-    """Make the candidates, and yield those that are not refused."""
+    """Build the candidates, and yield those that are not refused."""
     for candidate in candidates:
         try:
             yield candidate, candidate.make(A, dtype=dtype)
@@ -243,10 +243,10 @@ def _accept(
 
 
 def _none(A: LinearOperator, is_any_accepted: bool, dtype: DTypeLike | None) -> ScaledIdentity:
-    """Return a multiple of the unit matrix, which is no preconditioner.
+    """Return a multiple of the unit matrix, which stands for no preconditioner.
 
-    Where no preconditioner is accepted, A is refused unless T. Chan's circulant is positive
-    definite, as it is whenever A is.
+    If no preconditioner is accepted, T. Chan's circulant must be positive definite, as it is for
+    every positive definite A; otherwise A is refused.
     """
     full, _ = unwrap_toeplitz(A, check_hermitian)
     diagonal = float(full.c.flat[0].real)
@@ -254,9 +254,9 @@ def _none(A: LinearOperator, is_any_accepted: bool, dtype: DTypeLike | None) -> 
     is_accepted = is_any_accepted or any(_accept([circulant], A, dtype))
     if not (is_accepted and diagonal > 0.0):
         raise np.linalg.LinAlgError(
-            f"A is {A!r}, not positive definite or nearly singular, as not even T. Chan's "
-            f"circulant is positive definite: use {LAST_RESORT}"
+            f"A is {A!r}, but must be positive definite and not nearly singular (T. Chan's "
+            f"circulant is not positive definite): use {LAST_RESORT}"
         )
-    # A power of two: the iterates are those without a preconditioner, to the last bit.
+    # With a power of two the iterates are bit for bit those without a preconditioner.
     scale = 2.0 ** -round(log2(diagonal))
     return ScaledIdentity(precision(full, dtype), full.grid_shape, A.shape[0], scale)

@@ -27,7 +27,7 @@ class SubdomainDeflated(GridOperator):
         parts = np.array_split(np.arange(n), n_subdomains)
         self.starts = np.array([part[0] for part in parts])
         self._sizes = np.array([len(part) for part in parts])
-        # The columns of Z and of M A Z are kept as rows.
+        # The columns of Z and of M A Z are stored as rows.
         Z = np.repeat(np.eye(n_subdomains, dtype=self.dtype), self._sizes, axis=1)
         self._MAZ = apply_to_rows(M, apply_to_rows(A, Z))
         E = self._sum(self._MAZ).T.astype(np.float64)
@@ -44,7 +44,7 @@ class SubdomainDeflated(GridOperator):
         return Y
 
     def apply_transpose(self, X: Array, out: Array | None = None) -> Array:
-        """Multiply each row of `X` by (P M)ᵀ = M (I - Z E⁻ᵀ (M A Z)ᵀ), M being symmetric."""
+        """Multiply each row of `X` by (P M)ᵀ = M (I - Z E⁻ᵀ (M A Z)ᵀ), where M is symmetric."""
         coefficients = X @ self._MAZ.T @ self._E_inverse
         return apply_to_rows(self.M, X - np.repeat(coefficients, self._sizes, axis=-1), out)
 
@@ -56,7 +56,7 @@ class SubdomainDeflated(GridOperator):
 
 
 class TransposedDeflation(GridOperator):
-    """(P M)ᵀ, of a `SubdomainDeflated` P M."""
+    """(P M)ᵀ, the transpose of a `SubdomainDeflated` P M."""
 
     def __init__(self, PM: SubdomainDeflated) -> None:
         super().__init__(PM.dtype, PM.grid_shape, PM.work, PM.shape[0])
@@ -125,7 +125,7 @@ def fft_sd_preconditioner(A: LinearOperator, n_subdomains: int | None = None) ->
     if n_subdomains is not None:
         count("n_subdomains", n_subdomains)
     M = fft_preconditioner(A)
-    check_symmetric(unwrap(A)[0])  # M takes complex matrices too.
+    check_symmetric(unwrap(A)[0])  # `fft_preconditioner` accepts complex matrices too.
     n_subdomains = min(2, A.shape[0]) if n_subdomains is None else int(n_subdomains)
     if n_subdomains > A.shape[0]:
         raise ValueError(

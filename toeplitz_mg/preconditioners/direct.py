@@ -9,11 +9,11 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.operators.base import GridOperator, grid_of
 from toeplitz_mg.operators.positivity import LAST_RESORT
 
-DIRECT = 600  # Most unknowns of a matrix that a Cholesky factor, of 3 MB, solves for at once.
+DIRECT = 600  # Most unknowns that are solved for directly: the Cholesky factor takes 3 MB.
 
 
 class NotPositiveDefinite(np.linalg.LinAlgError):
-    """A matrix is not positive definite, for certain: no preconditioner is of use."""
+    """A matrix is certainly not positive definite, so that no preconditioner helps."""
 
 
 class DenseInverse(GridOperator):
@@ -24,8 +24,8 @@ class DenseInverse(GridOperator):
     A : LinearOperator
         Symmetric or Hermitian, with a method ``toarray()``.
     dtype : dtype, optional
-        The precision in which the factor is kept and applied, that of `A` by default; complex
-        where `A` is. It is computed in float64 or complex128.
+        The precision in which the factor is stored and applied, by default that of `A`; complex
+        if `A` is. The factor is computed in float64 or complex128.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class DenseInverse(GridOperator):
     Raises
     ------
     NotPositiveDefinite
-        A LinAlgError, where the matrix is not positive definite.
+        If the matrix is not positive definite; it is a LinAlgError.
     """
 
     def __init__(self, A: LinearOperator, dtype: DTypeLike | None = None) -> None:
@@ -54,12 +54,12 @@ class DenseInverse(GridOperator):
 
     @property
     def is_accurate(self) -> bool:
-        """Whether its precision resolves the smallest eigenvalues, so that it is positive too."""
+        """Whether the precision resolves the smallest eigenvalues, so that they stay positive."""
         return self.rcond > 4.0 * float(np.finfo(self.dtype).eps)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
-        # LAPACK has four precisions, of which the nearest is taken.
+        # LAPACK has four precisions; use the nearest.
         dtype = np.result_type(X, self.dtype)
         if dtype.char not in "fdFD":
             dtype = np.dtype(np.complex128 if dtype.kind == "c" else np.float64)

@@ -1,4 +1,4 @@
-"""The FFT preconditioner M, a Toeplitz matrix of an interior column of A⁻¹ (paper, §3.1)."""
+"""The FFT preconditioner M, the Toeplitz matrix of an interior column of A⁻¹ (paper, §3.1)."""
 
 from collections.abc import Callable, Sequence
 from math import prod
@@ -99,7 +99,7 @@ def fft_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None) -> 
 
 @lift(accepts="Hermitian", parts=("mask",))
 def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOperator:
-    """Return M of one component on the whole grid: the inverse of a circulant, cut to the grid."""
+    """Return M for one component on the whole grid: the inverse of a circulant, cut to the grid."""
     dtype = precision(A, dtype)
     lengths = tuple(2 * n - 1 for n in A.grid_shape)
     is_even = A.is_even and A.dtype.kind != "c"
@@ -128,18 +128,18 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: DTypeLike | None) -> ToeplitzOp
 
 
 def is_continued(grid: tuple[int, ...]) -> bool:
-    """Whether the circulant of an even matrix is longer than 2 n - 1: that is long, and slow."""
+    """Whether a circulant longer than 2 n - 1 is used: for large grids with slow transforms."""
     is_fast = all(near_fast_length(2 * n - 1) == 2 * n - 1 for n in grid)
     return not is_fast and prod(grid) >= LONG
 
 
 def _transforms_for(A: ToeplitzOperator | CoupledOperator) -> Transforms:
-    """Return the transforms that diagonalise circulants of the kind of A."""
+    """Return the transforms that diagonalise circulants of the dtype of A."""
     return A.library.complex_fourier if A.dtype.kind == "c" else A.library.fourier
 
 
 def _make_hermitian(lags: Array) -> Array:
-    """Return coefficients that are Hermitian but for rounding as such, to the last bit."""
+    """Remove the rounding errors from coefficients that should be Hermitian."""
     library = library_of(lags)
     return (lags + library.conj(library.xp.flip(lags))) / 2
 
@@ -150,14 +150,14 @@ def _invert_coupled(A: CoupledOperator, dtype: DTypeLike) -> CoupledOperator:
     Raises
     ------
     numpy.linalg.LinAlgError
-        If that is not positive definite.
+        If the block circulant is not positive definite.
     ValueError
-        If A is not Hermitian, or the block of a component on itself is zero.
+        If A is not Hermitian, or a diagonal block is zero.
     """
     check_hermitian(A)
     components, *grid = A.grid_shape
     for i in range(components):
-        A.component(i)  # This refuses a block that is zero.
+        A.component(i)  # Raises an error if the block is zero.
     lengths = tuple(near_fast_length(2 * n - 1) for n in grid)
     transforms = _transforms_for(A)
     precise = np.result_type(A.dtype, dtype)
@@ -206,20 +206,20 @@ def invert_blocks(
     make: Callable[[Array, int, int], tuple[Any, Any]],
     lengths: Sequence[int],
 ) -> list[list[Any]]:
-    """Return the blocks of the inverse of the block circulant in which a Hermitian matrix lies.
+    """Return the blocks of the inverse of the block circulant that embeds a Hermitian matrix.
 
     Parameters
     ----------
     blocks : sequence of sequences of (ToeplitzOperator or None)
     sample : callable
-        From a block to its symbol.
+        Returns the symbol of a block.
     check : callable
-        It refuses a pivot that is not positive.
+        Raises an error if a pivot is not positive.
     find_lags, make : callable
-        From the symbol of the inverse, i and j to its coefficients, and from these, i and j to its
-        blocks (i, j) and (j, i).
+        ``find_lags(symbol, i, j)`` returns the coefficients of block (i, j) of the inverse, and
+        ``make(lags, i, j)`` its blocks (i, j) and (j, i).
     lengths : sequence of int
-        Those of the transforms of a block.
+        The lengths of the transforms of a block.
     """
     components = range(len(blocks))
     S: list[list[Any]] = [[0.0 for _ in components] for _ in components]
@@ -238,20 +238,20 @@ def invert_blocks(
                 continue  # The block is zero.
             count_transforms(1, *lengths)
             lags = find_lags(S[i][j], i, j)
-            S[i][j] = S[j][i] = 0.0  # It is of no more use, and large.
+            S[i][j] = S[j][i] = 0.0  # Free the memory.
             inverse[i][j], inverse[j][i] = make(lags, i, j)
     return inverse
 
 
 def invert_matrices(S: list[list[Any]], check: Callable[[Any], None]) -> None:
-    """Invert a Hermitian matrix at each frequency, in place, by Gauss and Jordan's elimination.
+    """Invert a Hermitian matrix at each frequency, in place, by Gauss-Jordan elimination.
 
-    It is positive definite where all pivots are positive, of which each goes to `check`.
+    It is positive definite if all pivots are positive; `check` is called with each of them.
     """
     for k in range(len(S)):
         pivot = library_of(S[k][k]).real(S[k][k])
         check(pivot)
-        # A number in the place of an array is a block that is zero.
+        # A number instead of an array stands for a zero block.
         others = [j for j in range(len(S)) if j != k and np.ndim(S[k][j]) > 0]
         row = {j: S[k][j] / pivot for j in others}
         for i in others:

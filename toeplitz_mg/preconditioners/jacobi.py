@@ -1,4 +1,4 @@
-"""The damped Jacobi iteration: a multiple of the unit matrix, as the diagonal is constant."""
+"""The damped Jacobi iteration: a multiple of the unit matrix, because the diagonal is constant."""
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -25,7 +25,7 @@ class ScaledIdentity(GridOperator):
         return np.multiply(X, self.factor, out=out)
 
     def converges(self, A: LinearOperator) -> bool:
-        """Whether the iteration x ← x + S (b - A x) converges, by a bound of the norm of `A`."""
+        """Whether x ← x + S (b - A x) converges, from a bound on the norm of `A`."""
         full, _ = unwrap_toeplitz(A, check_hermitian)
         return float(self.factor.real) * full.norm_bound < 2.0
 

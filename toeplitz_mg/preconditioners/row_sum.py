@@ -16,25 +16,25 @@ from toeplitz_mg.operators.positivity import ritz_values, rounding
 from toeplitz_mg.preconditioners.fft import fft_preconditioner
 from toeplitz_mg.values import real
 
-Lag = tuple[int, ...]  # The lag, or the index of a coefficient, along each axis.
+Lag = tuple[int, ...]  # A lag, or an index of a coefficient, along each axis.
 
-REACH = 5  # Most unit steps from an element to one that is called near.
+REACH = 5  # Most unit steps between elements that count as near.
 DENSE = 1024  # Most unknowns for which all eigenvalues are computed, in some tenths of a second.
-STEPS = 40  # Steps of Lanczos's method with larger matrices: two work units each.
-# Largest γ max(A 1) for which M̄ is taken to converge as a smoother. The largest eigenvalue of M̄ A
-# was at most 1.12 of it, or of 1, for 10,000 random nonnegative kernels and masks; it must be
-# below 2.
+STEPS = 40  # Lanczos steps for larger matrices; a step costs two work units.
+# Largest γ max(A 1) for which M̄ is assumed to converge as a smoother. For 10,000 random
+# nonnegative kernels and masks the largest eigenvalue of M̄ A was at most 1.12 max(1, γ max(A 1));
+# it must be below 2.
 CONVERGENT = 1.7
 
 
 class RowSumModified(GridOperator):
-    """M minus a diagonal, such that every row sum is γ (paper, Eq. 19 and 22).
+    """M minus a diagonal matrix, such that every row sum is γ (paper, Eq. 19 and 22).
 
     Attributes
     ----------
     M : ToeplitzOperator or MaskedOperator
     diagonal : ndarray of shape (N,)
-        The row sums of M less γ.
+        The row sums of M minus γ.
     gamma : float
         Every row sum of this operator.
     certified : bool
@@ -48,7 +48,7 @@ class RowSumModified(GridOperator):
         self.diagonal.flags.writeable = False
         self.gamma = gamma
         self.certified = certified
-        self._by_signs = certified  # By the signs of the coefficients, not by eigenvalues.
+        self._by_signs = certified  # Proved by the signs of the coefficients, not by eigenvalues.
 
     def toarray(self) -> Array:
         """Return the dense matrix, shape (N, N)."""
@@ -57,18 +57,18 @@ class RowSumModified(GridOperator):
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""
         change = workspace(X.shape, np.result_type(X, self.dtype))
-        np.multiply(X, self.diagonal, out=change)  # Now, as `out`, which is written next, may be X.
+        np.multiply(X, self.diagonal, out=change)  # First, because `out` may be X.
         out = apply_to_rows(self.M, X, out)
         out -= change
         return out
 
     def converges(self, A: LinearOperator) -> bool | None:
-        """Whether the iteration x ← x + S (b - A x) converges: True where one product tells it.
+        """Whether x ← x + S (b - A x) converges; None if one product does not decide it.
 
-        If no coefficient of M off the diagonal is positive, M is part of the inverse of a
-        nonnegative circulant, A⁻¹ is at most M entry by entry, and so the graph Laplacian in
+        Suppose that no off-diagonal coefficient of M is positive. Then M is a block of the inverse
+        of a nonnegative circulant, and A⁻¹ ≤ M entry by entry. So the graph Laplacian L in
         M̄ = γ I + L is at most that in A⁻¹ = diag(A⁻¹ 1) + L_A. An eigenvalue of M̄ A above 1 then
-        has a positive eigenvector, nearly constant, and is near γ times the row sums of A.
+        has a positive, nearly constant eigenvector, and is near γ times the row sums of A.
         """
         full, _ = unwrap_toeplitz(A)
         if not (self._by_signs and (full.lags >= 0.0).all()):
@@ -156,11 +156,10 @@ def fft_rsm_preconditioner(
 def modify_row_sums(
     A: LinearOperator, gamma: float | None = None, dtype: DTypeLike | None = None
 ) -> RowSumModified:
-    """Return M̄ as `fft_rsm_preconditioner` does, but do not search where it is not `certified`."""
+    """Return M̄ like `fft_rsm_preconditioner`, but without a search if it is not `certified`."""
     full, mask = unwrap_toeplitz(A)
     M = fft_preconditioner(full, dtype=dtype)
-    # One product with ones gives the row sums. By Eq. 20 γ is taken on the whole grid, also for a
-    # mask.
+    # One product with ones gives the row sums. Eq. 20 takes γ on the whole grid, also for a mask.
     row_sums = M @ np.ones(full.shape[0], dtype=M.dtype)
     gamma = float(row_sums.min()) if gamma is None else real("gamma", gamma)
     if not 0.0 < gamma < np.inf:
@@ -174,8 +173,8 @@ def modify_row_sums(
         row_sums = M @ np.ones(M.shape[0], dtype=M.dtype)
     if not gamma > (least := rounding(row_sums, M.dtype)):
         raise np.linalg.LinAlgError(
-            f"the row sum gamma is {gamma:.3g}, but must be above the rounding of those of M, "
-            f"{least:.2g}, so that M̄ is not singular: use fft_preconditioner(A), or "
+            f"the row sum gamma is {gamma:.3g}, but must be above the rounding error of the row sums "
+            f"of M, {least:.2g}, so that M̄ is not singular: use fft_preconditioner(A), or "
             + ("a larger gamma" if M.dtype == np.float64 else "a larger gamma, or dtype=np.float64")
         )
     return RowSumModified(M, row_sums - M.dtype.type(gamma), gamma, certified)
@@ -184,14 +183,15 @@ def modify_row_sums(
 def is_certainly_positive(M: ToeplitzOperator, mask: Mask | None, gamma: float) -> bool:
     """Whether M with its row sums changed to γ is certainly positive definite.
 
-    It is γ I plus the Laplacian of a graph that joins the elements i and i + k with the weight
-    -m_k. So it is positive definite
+    It is γ I plus the Laplacian of the graph whose edges (i, i + k) have the weights -m_k. So it is
+    positive definite if
 
-    - where no m_k is positive off the diagonal;
-    - where the Laplacian of the positive m_k is below γ I;
-    - and also for a positive m_k of a near element, if the weights of unit steps outweigh it:
-      (x_i - x_{i+k})² ≤ |k| Σ (differences along a path of unit steps)², and each step lies on
-      k_a such paths, a being its axis. The path must be active where its ends are.
+    - no m_k off the diagonal is positive, or
+    - the norm of the Laplacian of the positive m_k is below γ.
+
+    A positive m_k between near elements does not count if the weights of unit steps outweigh it:
+    (x_i - x_{i+k})² ≤ |k| Σ (differences along a path of unit steps)², and each step along axis a
+    lies on |k_a| such paths. The path must be active if its ends are.
     """
     lags = M.lags.copy()
     centre = tuple(n - 1 for n in M.grid_shape)
@@ -213,16 +213,16 @@ def _at(centre: Lag, k: Any) -> Lag:
 
 
 def _near(grid_shape: tuple[int, ...]) -> list[Lag]:
-    """Return one of each pair of near lags k and -k; unit steps are not among them."""
+    """Return one of each pair of near lags k and -k, without the unit steps."""
     reach = [min(REACH, n - 1) for n in grid_shape]
     lags = product(*(range(-r, r + 1) for r in reach))
     return [k for k in lags if k > (0,) * len(k) and 2 <= sum(map(abs, k)) <= REACH]
 
 
 def _is_path_active(mask: Mask, k: Lag) -> bool:
-    """Whether, of any two active elements at the lag k, those on the path between are active too.
+    """Whether all paths between active elements at the lag k are active.
 
-    The path goes along the first axis, then along the next.
+    A path goes along the first axis, then along the second, and so on.
     """
 
     def shift(p: Lag) -> Array:
@@ -245,20 +245,20 @@ def _is_path_active(mask: Mask, k: Lag) -> bool:
 def _laplacian_of_positive(lags: Array, grid_shape: tuple[int, ...]) -> float:
     """Bound the norm of the graph Laplacian of the positive coefficients.
 
-    The pairs at one lag form paths, whose Laplacian has eigenvalues below 4, or, where the lag is
-    half the grid or more, single edges, whose Laplacian has the eigenvalue 2.
+    The pairs at one lag form paths, whose Laplacian has eigenvalues below 4. If the lag is half the
+    grid or more, they form single edges, whose Laplacian has the eigenvalue 2.
     """
     positive = np.maximum(lags, 0.0)
     paths = positive[tuple(slice(n // 2, 2 * n - 1 - n // 2) for n in grid_shape)]
-    # Each pair stands in M twice, as lag k and as lag -k.
+    # M has each pair twice, at the lags k and -k.
     return float(positive.sum() + paths.sum())
 
 
 def find_smallest_eigenvalue(A: LinearOperator, M_bar: LinearOperator) -> float:
-    """Return the smallest eigenvalue of M̄, or, of a large one, an estimate of that of M̄ A.
+    """Return the smallest eigenvalue of M̄, or for a large matrix an estimate of that of M̄ A.
 
-    The estimate is too large, and may be positive where M̄ is indefinite. But all eigenvalues of
-    M̄ A but a few lie near 1, so that a negative one, far from there, is soon found.
+    The estimate is too large, and may be positive although M̄ is indefinite. But nearly all
+    eigenvalues of M̄ A lie near 1, so Lanczos's method soon finds a negative one.
     """
     if M_bar.shape[0] <= DENSE:
         return float(np.linalg.eigvalsh(M_bar.toarray()).min())

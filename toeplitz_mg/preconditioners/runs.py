@@ -1,16 +1,16 @@
-"""An approximate inverse of the matrix of steady rolling on a fragmented area: FSAI, and sums.
+"""An approximate inverse of the matrix of steady rolling on a fragmented area, by FSAI and sums.
 
-The area consists of runs of elements along the rolling direction, the first axis. The matrix is
-K = A D: D takes the difference of each element and the one ahead, (D q)_i = q_i - q_(i+1), and A is
-symmetric. Where q is zero outside of the area, w = D q is zero but there and on the one element
-behind each run, and its sum over a run and that element is zero. Any such w is the difference of
-sums q_i = w_i + q_(i+1), from the leading end of a run on. So K q = r on the area is
+The area consists of runs of elements along the rolling direction, the first axis. The matrix is K =
+A D, where A is symmetric and D takes the difference between each element and the next one ahead: (D
+q)_i = q_i - q_(i+1). If q is zero outside the area, w = D q is zero except there and on the element
+behind each run, and the sum of w over a run and that element is zero. Conversely, any such w has
+the sums q_i = w_i + q_(i+1), from the leading end of a run on. So K q = r on the area means
 
     A w = r + β,  with a field β on the elements behind the runs for which the sums of w vanish.
 
-FSAI of A on the area and these elements is F ≈ A⁻¹, so that w = F r + F β. What a displacement
-β there adds to a sum is mostly to that of its own run, and about the same for all. Its mean is
-found by one application to random signs (Hutchinson), and divides the sums of F r.
+FSAI of A on the area and these elements gives F ≈ A⁻¹ and w = F r + F β. A displacement β changes
+mainly the sum of its own run, by about the same factor everywhere. The mean factor is found by
+applying F once to random signs (Hutchinson); the sums of F r are divided by it.
 
 References
 ----------
@@ -29,13 +29,13 @@ from toeplitz_mg.preconditioners.choice import quick_fsai
 class InverseOnRuns:
     """The approximate inverse of A times differences along the first axis, on an area.
 
-    It is exact where the area is one run, and F = A⁻¹.
+    It is exact if the area is one run and F = A⁻¹.
 
     Parameters
     ----------
     A : ToeplitzOperator
-        Symmetric positive definite, on a grid that is one element longer along the first axis than
-        that of the area: so there is one behind each run, at the end of the grid too.
+        Symmetric positive definite, on a grid with one more element along the first axis than the
+        area, so that there is an element behind every run.
     area : ndarray of bool, of shape (n1, n2)
     dtype : float32 or float64
         The precision in which FSAI is applied.
@@ -55,7 +55,7 @@ class InverseOnRuns:
         self._F, self._dtype = quick_fsai(MaskedOperator(A, both), dtype=dtype), np.dtype(dtype)
         self._cells, self._count = np.flatnonzero(area), np.count_nonzero(both)
         self._inside, self._behind = np.flatnonzero(longer[both]), np.flatnonzero(behind[both])
-        # The numbers of these elements, run by run, each from its leading end to what is behind it.
+        # The order of these elements: run by run, from the leading end to the element behind it.
         number = np.zeros(longer.shape, np.intp)
         number[both] = np.arange(self._count)
         backwards = both[::-1].T
@@ -67,7 +67,7 @@ class InverseOnRuns:
         self._response = float(signs @ self._sum(F_signs)[self._behind]) / len(signs)
 
     def __call__(self, r: Array) -> Array:
-        """Return the field on the area that K takes to a given one there."""
+        """Return the field on the area that K maps to `r`."""
         w = self._invert(self._inside, r.reshape(-1)[self._cells])
         w += self._invert(self._behind, -self._sum(w)[self._behind] / self._response)
         field = np.zeros(r.shape, self._dtype)
@@ -75,13 +75,13 @@ class InverseOnRuns:
         return field
 
     def _invert(self, where: Array, values: Array) -> Array:
-        """Return FSAI of displacements at some elements."""
+        """Return F f, where f has these values at these places and is zero elsewhere."""
         f = np.zeros(self._count, self._dtype)
         f[where] = values
         return apply_to_rows(self._F, f)
 
     def _sum(self, w: Array) -> Array:
-        """Return the sums from the leading end of each run on: behind it, that of all."""
+        """Return the sums from the leading end of each run; behind it, the sum over the run."""
         in_order = w[self._order].astype(np.float64)
         sums = np.cumsum(in_order)
         sums -= np.repeat(sums[self._leads] - in_order[self._leads], self._lengths)

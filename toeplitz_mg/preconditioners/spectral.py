@@ -1,4 +1,4 @@
-"""The spectral (Wiener-Hopf) factor of the symbol, as a preconditioner that sees both ends."""
+"""The preconditioner from the spectral (Wiener-Hopf) factor of the symbol."""
 
 from numpy.typing import DTypeLike
 from scipy.sparse.linalg import LinearOperator
@@ -93,7 +93,7 @@ def spectral_preconditioner(A: LinearOperator, *, dtype: DTypeLike | None = None
 def spectral_inverse(
     A: ToeplitzOperator, *, factor: Columns | None = None, dtype: DTypeLike | None = None
 ) -> GohbergSemencul:
-    """Return `spectral_preconditioner`, of the columns of the spectral factor if they are known."""
+    """Return `spectral_preconditioner`, given the columns of the spectral factor if known."""
     dtype = precision(A, dtype)
     columns = find_columns(double_line(A), RESOLVED, factor=factor)
     if columns.w is not None:

@@ -1,4 +1,4 @@
-"""The τ preconditioner: the matrix of the DST-I that is A but for a Hankel matrix."""
+"""The τ preconditioner: the DST-I matrix that differs from A by a Hankel matrix."""
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -79,7 +79,7 @@ def tau_preconditioner(
     """
     shift = finite("shift", shift)
     require_numpy(A, "tau_preconditioner")
-    if isinstance(unwrap(A)[0], ToeplitzSum):  # It is scaled, and so would the shift be.
+    if isinstance(unwrap(A)[0], ToeplitzSum):  # Its preconditioner is scaled; the shift is not.
         dtype = A.dtype if dtype is None else dtype
         A, shift = A.plus(np.full(A.shape[0], shift)), 0.0
     return _tau(A, shift, dtype)
@@ -87,14 +87,14 @@ def tau_preconditioner(
 
 @lift(accepts="symmetric part")
 def _tau(A: ToeplitzOperator, shift: float, dtype: DTypeLike | None) -> DiagonalisedOperator:
-    """Return the preconditioner of one component, on the whole grid."""
+    """Return the preconditioner for one component on the whole grid."""
     dtype = precision(A, dtype)
     require_range(abs(complex(A.diagonal_entry) + shift), dtype, "A + shift I")
     column = average_flips(A)
     shape = tuple(near_fast_length(n + 1) - 1 for n in A.grid_shape)
     padded = np.pad(column, [(0, m + 2 - n) for m, n in zip(shape, column.shape, strict=True)])
     eigenvalues = cosine_sums(padded)[(slice(1, -1),) * padded.ndim] + shift
-    of_shifted = ", with A + shift * eye_array(n) in the place of A" if shift else ""
+    of_shifted = ", with A + shift * eye_array(n) instead of A" if shift else ""
     require_positive(
         eigenvalues,
         dtype,

@@ -1,4 +1,4 @@
-"""Facts about a matrix and a mask that decide which preconditioner is taken: pure functions."""
+"""Properties of a matrix and a mask that decide the choice of a preconditioner."""
 
 from collections.abc import Iterator
 
@@ -9,16 +9,16 @@ from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators.positivity import rounding
 from toeplitz_mg.operators.symbol import NEGLIGIBLE
 
-SMOOTH = 1.9  # Largest ratio of the falls at two doublings of the lag: of a parabola 4, a tent 2.
-FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it: less is fast decay.
-EXPONENTIAL = 0.01  # Largest deviation of c_(i-s) c_(i+s) from c_i², over c_i²: of exp(-k/ℓ) none.
+SMOOTH = 1.9  # Largest ratio of the decreases over two successive doublings: parabola 4, tent 2.
+FAST = 0.2  # Least ratio of the coefficients at a lag and at half of it; below is fast decay.
+EXPONENTIAL = 0.01  # Largest |c_(i-s) c_(i+s) - c_i²|/c_i²; for exp(-k/ℓ) it is zero.
 
 
 def decreases(c: Array) -> bool:
-    """Whether coefficients are positive and decrease with the lag, until they are negligible.
+    """Whether coefficients are positive and decrease with the lag until they are negligible.
 
-    Those of a half-space and of most covariances do. Such coefficients tell of no isolated lag, and
-    of no zero of the symbol but where the frequency is high.
+    Those of a half-space and of most covariances do. Such coefficients have no isolated lags, and
+    their symbol can be zero only at high frequencies.
 
     Examples
     --------
@@ -44,10 +44,10 @@ def along_axes(c: Array) -> Iterator[Array]:
 
 
 def decays_slowly(c: Array) -> bool:
-    """Whether coefficients decay as a power of the lag does, or its logarithm, from lag 0 on.
+    """Whether coefficients decay like a power or the logarithm of the lag, from lag 0 on.
 
-    This is judged at the lags 0, 1, 2, 4 and so on: at each doubling they fall, by less than twice
-    what they just did, as they would where the kernel is smooth, and not to nearly nothing.
+    They are compared at the lags 0, 1, 2, 4, …. At each doubling they must decrease, by less than
+    twice the previous decrease (a smooth kernel would exceed that), and not to nearly zero.
 
     Examples
     --------
@@ -69,18 +69,18 @@ def decays_slowly(c: Array) -> bool:
 
 
 def decays_exponentially(c: Array) -> bool:
-    """Whether the last coefficients are positive, and an exponential function of the lag."""
+    """Whether the last coefficients are positive and an exponential function of the lag."""
     step = len(c) // 4
     if not c[0] > 0.0:
         return False
-    # Over the first one, as products of the largest and smallest numbers are none.
+    # Divide by the first one, because products of very large or small numbers overflow.
     with np.errstate(over="ignore", invalid="ignore"):
         first, second, last = np.array([c[-1 - 2 * step], c[-1 - step], c[-1]]) / c[0]
     return bool(last > NEGLIGIBLE and abs(first * last - second**2) <= EXPONENTIAL * second**2)
 
 
 def has_zero_at_start(samples: Array) -> bool:
-    """Whether samples of a symbol tell of a zero at the first of them, and of no other."""
+    """Whether a symbol has a zero near its first sample, and near no other."""
     first, second = samples[:2]
     return bool(
         first < second / 2
@@ -89,15 +89,15 @@ def has_zero_at_start(samples: Array) -> bool:
 
 
 def has_slow_length(grid_shape: tuple[int, ...]) -> bool:
-    """Whether the transforms along an axis of a grid are slow, because of a large prime factor."""
+    """Whether transforms along an axis are slow because its length has a large prime factor."""
     return any(near_fast_length(n) != n for n in grid_shape)
 
 
 def fragmentation(mask: Mask) -> float:
-    """Return the edges between elements of a mask and others, over the root of the elements.
+    """Return the number of edges around a mask, divided by the root of its number of elements.
 
-    On two axes it is the length of the edge over the root of the area: 4.0 of a square, 4.5 of a
-    circle, and 7.8 of an annulus.
+    On two axes this is the length of the boundary over the root of the area: 4.0 for a square, 4.5
+    for a circle, 7.8 for an annulus. On d axes the exponent is 1 - 1/d.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Which of some preconditioners is better than none, by a few steps of conjugate gradients."""
+"""A trial of preconditioners: a few steps of conjugate gradients with each, and with none."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -19,14 +19,13 @@ from toeplitz_mg.preconditioners.fsai.neighbours import REDUCTION
 def better_than_none(
     A: LinearOperator, none: LinearOperator, others: Sequence[LinearOperator]
 ) -> LinearOperator:
-    """Return the preconditioner that lowers the energy the most, or `none` where that is as good.
+    """Return the preconditioner that lowers the energy the most, or `none` if it is as good.
 
-    All solve for the same random right-hand side. The energy ½ xᴴA x - bᴴx falls by the error in
-    the norm of A: who lowers it the most has the least error, and two steps tell preconditioners
-    apart. What steps are left are those of the best and of `none`. Where A has some large
-    eigenvalues and all others are alike, as of plane waves or of coefficients at isolated lags,
-    `none` finds these one by one: it is taken where its energy is nearly as low, and its residual
-    not much larger.
+    All solve for the same random right-hand side. The decrease of the energy ½ xᴴA x - bᴴx equals
+    that of the squared error in the norm of A, so two steps rank the preconditioners. The remaining
+    steps go to the best one and to `none`. If A has some large eigenvalues and all others are alike
+    (plane waves, coefficients at isolated lags), CG without a preconditioner finds these one by
+    one. So `none` is returned if its energy is nearly as low and its residual not much larger.
 
     Parameters
     ----------
@@ -65,9 +64,9 @@ class _Descent:
     Attributes
     ----------
     steps : int
-        Those that were taken.
+        Steps taken so far.
     fall : float
-        Twice that of the energy; -inf where M is found not to be positive definite.
+        Twice the decrease of the energy; -inf if M is found not to be positive definite.
     residual : float
         ‖b - A x‖.
     """
@@ -75,11 +74,11 @@ class _Descent:
     def __init__(self, A: LinearOperator, M: LinearOperator, b: Array) -> None:
         self._cg = ConjugateGradients(partial(apply_to_rows, A), partial(apply_to_rows, M))
         self._r, self.residual = b.copy(), norm(b)
-        self._solved = REDUCTION * self.residual  # Further falls may be rounding.
+        self._solved = REDUCTION * self.residual  # Further decreases may be rounding errors.
         self.steps, self.fall = 0, 0.0
 
     def go_to(self, steps: int) -> None:
-        """Take steps until there are so many, or the system is solved."""
+        """Continue to this number of steps, or until the system is solved."""
         while self.steps < steps and self._solved < self.residual < inf:
             self.steps += 1
             length = self._cg.step(self._r)
@@ -88,8 +87,8 @@ class _Descent:
                 return
             if length == 0.0:
                 raise np.linalg.LinAlgError(
-                    f"A is not positive definite: for some vector xᴴ A x is "
-                    f"{self._cg.curvature:.3g}: use {INDEFINITE}"
+                    f"A is not positive definite, because xᴴ A x is {self._cg.curvature:.3g} for "
+                    f"some vector: use {INDEFINITE}"
                 )
             self.fall += length * self._cg.rho
             axpy(-length, self._cg.product, self._r)

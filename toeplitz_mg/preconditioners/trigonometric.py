@@ -1,4 +1,4 @@
-"""Preconditioners that a cosine or sine transform diagonalises, sampled from the symbol of A."""
+"""Preconditioners that cosine or sine transforms diagonalise, with samples of the symbol of A."""
 
 from collections.abc import Callable
 from typing import Any
@@ -21,7 +21,7 @@ from toeplitz_mg.operators.positivity import (
 )
 from toeplitz_mg.operators.symbol import sample_symbol
 
-NAMES = "cosine", "sine"  # Of the transforms whose first sample is that number 0, or 1.
+NAMES = "cosine", "sine"  # The transforms whose first sample has the number 0 and 1.
 
 
 @lift(accepts="symmetric")
@@ -157,18 +157,18 @@ def _invert_samples(
 def take_eigenvalues(
     take: Callable[[int], Array], first: int, dtype: np.dtype[Any], vectors: Any, advice: str
 ) -> Array:
-    """Return samples of a symbol, lifted where that is right, or refuse what is not positive.
+    """Return samples of a symbol, raised above rounding if needed; refuse negative ones.
 
     Parameters
     ----------
     take : callable
-        From the number of the first sample along each axis, 0 of the cosine and 1 of the sine
-        transform, to the samples, of which a rank may have some.
+        Returns the samples (on this rank), given the number of the first one along each axis.
     first : {0, 1}
+        0 for the cosine and 1 for the sine transform.
     vectors : Vectors
-        The extremes of samples on all ranks.
+        Finds the extremes of samples on all ranks.
     advice : str
-        What else there is for such a matrix.
+        An alternative for the error message.
     """
 
     def lifted(first: int) -> tuple[Array, Array]:
@@ -186,10 +186,10 @@ def take_eigenvalues(
 
 
 def lift_lowest(samples: Array, dtype: np.dtype[Any], vectors: Any) -> Array:
-    """Lift samples that are lost in rounding to what that is, unless one of them is negative.
+    """Raise samples below the rounding error to it, unless one of them is negative.
 
-    A symbol that goes to zero as (π/n)^4 sinks into rounding near there, all samples together;
-    the lowest are as good as that rounding.
+    A symbol that goes to zero like (π/n)⁴ is lost in rounding near there, in many samples; the
+    rounding error is as good an estimate of them as any.
     """
     low, high = vectors.min(samples), vectors.max(samples)
     error = rounding(np.array([low, high]), dtype)
