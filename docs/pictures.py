@@ -28,7 +28,7 @@ def draw_rough_contact():
     figure, ax = plt.subplots(figsize=(6.2, 5), layout="compressed")
     pressed.plot(ax=ax)
     share = 100.0 * pressed.contact_fraction
-    ax.set_title(f"{n}² elements, {share:.0f} % in contact: {seconds:.1f} s of CPU", fontsize=11)
+    ax.set_title(f"{n}² elements, {share:.0f} % in contact: {seconds:.1f} s of CPU", fontsize=13)
     figure.savefig(FOLDER / "rough.png", dpi=110)
 
 
@@ -44,11 +44,12 @@ def draw_three():
     titles = ("pressed", "shifted", "rolled")
     for ax, result, title in zip(axes, (pressed, shifted, rolled), titles, strict=True):
         result.plot(ax=ax)
-        ax.set_title(title)
+        ax.set_title(f"{title}: {ax.get_title()}")
     figure.savefig(FOLDER / "sphere.png", dpi=90)
 
 
 if __name__ == "__main__":
+    plt.rcParams["font.size"] = 12
     FOLDER.mkdir(exist_ok=True)
     draw_rough_contact()
     draw_three()

@@ -79,7 +79,7 @@ def test_a_curve_is_drawn_over_the_creepage_that_varies(make, varied, name, unit
     figure = pytest.importorskip("matplotlib.figure").Figure()
     curve, ax = make(), figure.subplots()
     assert curve.plot(ax=ax) is ax
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (name, f"force [{unit}]")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (f"{name} [–]", f"force [{unit}]")
     forces = np.atleast_2d(curve.force.T)
     for line, force in zip(ax.lines, forces, strict=False):
         assert_allclose(line.get_xdata(), varied)
@@ -87,7 +87,7 @@ def test_a_curve_is_drawn_over_the_creepage_that_varies(make, varied, name, unit
     assert len(ax.get_legend().get_texts()) == len(forces)
     scaled = curve.plot(ax=figure.add_subplot(), friction=2.0)
     assert_allclose(scaled.lines[0].get_ydata(), -forces[0] / 2.0)
-    assert scaled.get_ylabel() == "-F/(μ P)"
+    assert scaled.get_ylabel() == "-F/(μ P) [–]"
     refuses(ValueError, "friction is 0.0, but must be positive", curve.plot, friction=0.0)
 
 

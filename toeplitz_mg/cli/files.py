@@ -157,8 +157,8 @@ def plot(
         low, high = np.nanquantile(solution, [0.002, 0.998])
         if low or high:  # Else all is zero.
             left.set_ylim(min(low, 0.0) * 1.1, max(high, 0.0) * 1.1)
-        left.set_xlabel("unknown" if x is None else "x (mm)")
-        left.set_ylabel("solution" if x is None else "traction (N/mm²)")
+        left.set_xlabel("unknown" if x is None else "x [mm]")
+        left.set_ylabel("solution" if x is None else "traction [N/mm²]")
     right.semilogy(range(len(residuals)), residuals, "o-")
     right.xaxis.get_major_locator().set_params(integer=True)
     right.set_xlabel("iteration")

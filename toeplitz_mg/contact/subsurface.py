@@ -59,6 +59,8 @@ class Stresses(Result):
         The centres of the elements along each axis, mm.
     components : ndarray of shape (6, d, n1, n2) or (6, d, n)
         The stresses xx, yy, zz, yz, xz and xy, N/mm².
+    contact : ndarray of bool, or None
+        Where the bodies touch; None where that is not known.
 
     See Also
     --------
@@ -69,6 +71,7 @@ class Stresses(Result):
     depths: Annotated[Array, Quantity("mm", "depths")]
     centres: tuple[Array, ...]
     components: Annotated[Array, Quantity("N/mm²", "6, depths, grid")]
+    contact: Annotated[Array | None, Quantity("1", "grid", "b")] = None
 
     xx = _component(0, "The normal stress along x, N/mm².")
     yy = _component(1, "The normal stress along y, N/mm².")
@@ -124,6 +127,8 @@ class Stresses(Result):
 
     def plot(self, field: str = "von_mises", ax: Any = None) -> Any:
         """Draw a stress along x and over the depth: of a surface, under the y of its largest value.
+
+        The contact, and the place of the largest value, are marked.
 
         Parameters
         ----------
@@ -258,7 +263,8 @@ def subsurface_stresses(
             for total, A in zip(components[:, k], matrices, strict=True):
                 if A is not None:
                     total += apply_to_rows(A, traction.reshape(-1)).reshape(grid.shape)
-    return Stresses(body, z, grid.centres, components)
+    contact = np.logical_or.reduce([part.contact for part in parts])
+    return Stresses(body, z, grid.centres, components, contact)
 
 
 def _parts(result: Any) -> tuple[Any, ...]:

@@ -173,8 +173,8 @@ def modify_row_sums(
         row_sums = M @ np.ones(M.shape[0], dtype=M.dtype)
     if not gamma > (least := rounding(row_sums, M.dtype)):
         raise np.linalg.LinAlgError(
-            f"the row sum gamma is {gamma:.3g}, but must be above the rounding error of the row sums "
-            f"of M, {least:.2g}, so that M̄ is not singular: use fft_preconditioner(A), or "
+            f"the row sum gamma is {gamma:.3g}, but must be above the rounding error of the row "
+            f"sums of M, {least:.2g}, so that M̄ is not singular: use fft_preconditioner(A), or "
             + ("a larger gamma" if M.dtype == np.float64 else "a larger gamma, or dtype=np.float64")
         )
     return RowSumModified(M, row_sums - M.dtype.type(gamma), gamma, certified)

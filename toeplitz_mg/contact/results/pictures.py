@@ -4,6 +4,8 @@ What is zero because nothing touches there is left white, and low values are lig
 by their colours and not by outlines, which on rough surfaces would be wider than the spots.
 """
 
+from functools import partial
+from math import isfinite, prod
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,8 @@ NEARLY = 0.995  # Share of the elements that are below what is nearly the larges
 BAR, SPACE = 0.14, 0.1  # Width of a bar of colours, and of the space before it, inches.
 ARROWS = 15  # Arrows along each side of a contact as long as it is wide.
 SHORTEST = 0.03  # Length of an arrow, over that of the longest, below which it is but a point.
+# Units of lengths on labels: from which largest length on, mm, and how many of them a mm has.
+LENGTHS = ((0.1, 1.0, "mm"), (1e-4, 1e3, "µm"), (0.0, 1e6, "nm"))
 FILLED = 0.3  # Share of the smallest rectangle around the contact, below which arrows hide spots.
 
 
@@ -35,8 +39,43 @@ def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
     ax = find_axes(ax)
     (_draw_line if len(result.shape) == 1 else _draw_surface)(result, field, ax)
     if result.stick is not None and result.creepages is not None:
-        _show_travel(ax, 1.03 if len(result.shape) == 1 else 0.05)
+        _show_travel(ax, 0.91 if len(result.shape) == 1 else 0.05)
+    if not ax.get_title():
+        ax.set_title(_name_load(result), fontsize="medium")
     return ax
+
+
+def label_axis(axis: Any, name: str, unit: str, largest: float = np.inf) -> None:
+    """Label an axis, or that of a bar of colours, with a unit: "1" of plain numbers.
+
+    Lengths that are small are numbered in µm or nm; what is drawn stays in mm.
+    """
+    if unit == "mm":
+        factor, unit = next((k, small) for least, k, small in LENGTHS if not 0.0 < largest < least)
+        if factor != 1.0:
+            axis.set_major_formatter(partial(_write_tick, factor))
+    axis.set_label_text(f"{name} [{'–' if unit == '1' else unit}]")
+
+
+def _write_tick(factor: float, value: float, _: int | None = None) -> str:
+    return f"{factor * value + 0.0:.6g}".replace("-", "−")
+
+
+def _label_places(ax: Any, *axes: Array) -> None:
+    """Label the axes of a picture, x and y, in the same unit."""
+    largest = max(float(np.abs(x).max()) for x in axes)
+    for axis, name, _ in zip((ax.xaxis, ax.yaxis), "xy", axes, strict=False):
+        label_axis(axis, name, "mm", largest)
+
+
+def _name_load(result: Any) -> str:
+    """Return the force of a result, and of tangential ones the force that friction carries."""
+    force = result._figures()[0].text.replace("-", "−")
+    if result.stick is None:
+        return f"P = {force}"
+    carried = prod(result.element) * float(result.bound.sum())
+    limit = f"\nμ P = {carried:.5g} {name_units(result)['force']}" if isfinite(carried) else ""
+    return f"F = {force}{limit}"
 
 
 def find_axes(ax: Any, columns: int = 1) -> Any:
@@ -61,19 +100,32 @@ def find_axes(ax: Any, columns: int = 1) -> Any:
 def draw_section(stresses: Any, field: str, label: str, ax: Any) -> Any:
     """Draw a stress along x and over the depth, and return the axes (see `Stresses.plot`)."""
     ax = find_axes(ax)
-    values = getattr(stresses, field)
+    values, contact, x = getattr(stresses, field), stresses.contact, stresses.centres[0]
     if values.ndim > 2:  # Under the y at which it is the largest.
         column = np.unravel_index(np.abs(values).argmax(), values.shape)[-1]
-        values = values[..., column]
-        ax.set_title(f"y = {stresses.centres[1][column]:.4g} mm")
-    top, is_signed = float(np.abs(values).max()) or 1.0, values.min() < 0.0
+        values, contact = values[..., column], None if contact is None else contact[:, column]
+        ax.set_title(f"y = {stresses.centres[1][column]:.3g} mm", fontsize="medium")
+    k, i = np.unravel_index(np.abs(values).argmax(), values.shape)
+    top, is_signed = float(abs(values[k, i])) or 1.0, values.min() < 0.0
     image = ax.pcolormesh(
-        stresses.centres[0], stresses.depths, values, shading="nearest", vmax=top,
-        vmin=-top if is_signed else 0.0, cmap="RdBu_r" if is_signed else "YlOrRd",
+        x, stresses.depths, values, shading="nearest", vmax=top, vmin=-top if is_signed else 0.0,
+        cmap="RdBu_r" if is_signed else "YlOrRd",
     )  # fmt: skip
-    _add_bar(ax, image, SPACE, f"{label} [N/mm²]")
-    ax.set(xlabel="x [mm]", ylabel="depth [mm]")
+    label_axis(_add_bar(ax, image, SPACE).ax.yaxis, label, "N/mm²")
+    if contact is not None and contact.any():
+        h = float(x[1] - x[0])
+        edges = (x[:, None] + h * np.array([-0.5, 0.5])).ravel()
+        height = np.where(np.repeat(contact, 2), stresses.depths[0], np.nan)
+        name = f"contact, {h * contact.sum():.4g} mm wide"
+        ax.plot(edges, height, "k-", linewidth=5, solid_capstyle="butt", clip_on=False, label=name)
+    place = f"x = {x[i]:.3g}, depth = {stresses.depths[k]:.3g} mm"
+    largest = f"{values[k, i]:.4g} N/mm² at {place}"
+    ax.plot(x[i], stresses.depths[k], "k+", markersize=11, clip_on=False, label=largest)
+    ax.set_aspect("equal")
+    label_axis(ax.xaxis, "x", "mm", size := float(np.abs(x).max()))
+    label_axis(ax.yaxis, "depth", "mm", size)
     ax.invert_yaxis()
+    ax.legend(loc="lower center", fontsize="x-small")
     return ax
 
 
@@ -100,7 +152,9 @@ def _draw_line(result: Any, field: str, ax: Any) -> None:
             )
         ax.legend(fontsize="small")
     ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
-    ax.set(xlabel="x [mm]", ylabel=_label(result, field))
+    _label_places(ax, x)
+    finite = np.abs(values[np.isfinite(values)])
+    label_axis(ax.yaxis, *_name(result, field), float(finite.max(initial=0.0)))
 
 
 def _draw_surface(result: Any, field: str, ax: Any) -> None:
@@ -116,20 +170,21 @@ def _draw_surface(result: Any, field: str, ax: Any) -> None:
         shown = result.sliding
     shown = shown & np.isfinite(size)  # The gap is infinite where there is no material.
     top = _top(size[shown])
-    label = _label(result, field)
     shades = quantities(type(result))[field].shades.split()
     if len(shades) > 1:
-        bars = ((SPACE, None), (SPACE + 1.2 * BAR, label))
-        for (name, area, shade), colours, bar in zip(_areas(result), shades, bars, strict=True):
-            _add_bar(ax, _show(result, ax, size, area, colours, top), *bar)
+        places = (SPACE, SPACE + 1.2 * BAR)
+        for (name, area, shade), colours, place in zip(_areas(result), shades, places, strict=True):
+            bar = _add_bar(ax, _show(result, ax, size, area, colours, top), place)
             ax.plot([], [], "s", color=shade, label=name)
+            if place == SPACE:
+                bar.set_ticks([])
         ax.legend(loc="upper right", fontsize="x-small", handlelength=1.0, borderpad=0.3)
     else:
-        image = _show(result, ax, size, shown, shades[0], top)
-        _add_bar(ax, image, SPACE, label)
+        bar = _add_bar(ax, _show(result, ax, size, shown, shades[0], top), SPACE)
+    label_axis(bar.ax.yaxis, *_name(result, field), top)
     if values.ndim > 2:
         _show_arrows(result, ax, values)
-    ax.set(xlabel="x [mm]", ylabel="y [mm]")
+    _label_places(ax, result.x, result.y)
 
 
 def _areas(result: Any) -> tuple[tuple[str, Array, str], tuple[str, Array, str]]:
@@ -137,10 +192,10 @@ def _areas(result: Any) -> tuple[tuple[str, Array, str], tuple[str, Array, str]]
     return ("stick", result.stick, STICK), ("slip", result.sliding, SLIP)
 
 
-def _label(result: Any, field: str) -> str:
-    """Return the name of a field with its unit."""
+def _name(result: Any, field: str) -> tuple[str, str]:
+    """Return the name of a field, and its unit."""
     unit, name = name_units(result)[field], quantities(type(result))[field].label or field
-    return f"{name} over distance rolled" if unit == "1" else f"{name} [{unit}]"
+    return f"{name} over distance rolled" if unit == "1" else name, unit
 
 
 def _top(values: Array) -> float:
@@ -164,8 +219,8 @@ def _show(result: Any, ax: Any, size: Array, shown: Array, shades: str, top: flo
     return ax.imshow(masked.T, origin="lower", extent=extent, cmap=colours, vmin=0.0, vmax=top)
 
 
-def _add_bar(ax: Any, image: Any, place: float, label: str | None) -> Any:
-    """Add a bar of colours as high as the axes, so many inches to their right; or without text."""
+def _add_bar(ax: Any, image: Any, place: float) -> Any:
+    """Add a bar of colours as high as the axes, so many inches to their right."""
     from matplotlib.transforms import ScaledTranslation, blended_transform_factory
 
     # In inches: a layout asks for the width of what is beside the axes before it changes theirs.
@@ -174,12 +229,7 @@ def _add_bar(ax: Any, image: Any, place: float, label: str | None) -> Any:
     inset = ax.inset_axes((place, 0.0, BAR, 1.0), transform=place_of_bar)
     largest = image.get_array().max()
     beyond = largest is not np.ma.masked and largest > image.norm.vmax
-    bar = ax.figure.colorbar(image, cax=inset, extend="max" if beyond else "neither")
-    if label is None:
-        bar.set_ticks([])
-    else:
-        bar.set_label(label)
-    return bar
+    return ax.figure.colorbar(image, cax=inset, extend="max" if beyond else "neither")
 
 
 def _show_arrows(result: Any, ax: Any, vectors: Array) -> None:
