@@ -1,4 +1,6 @@
-"""Curves of forces over creepages: the points of `rolling`."""
+"""Curves of forces over creepages, loads and steps: points, tables, pictures and files."""
+
+import functools
 
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from numpy.testing import assert_allclose
 from tests.systems import cells_of, refuses
 from tests.test_friction import semi_ellipse
 from tests.test_rolling import MU, A, circle
+from toeplitz_mg import contact
 from toeplitz_mg.contact import Material, creep_curve, normal_contact, rolling, surfaces
 
 BODY = Material.from_shear(0.7, 0.3)
@@ -56,16 +59,14 @@ def test_refuses_what_is_no_curve(creepages):
 
 def line_curve():
     h = 2 * A / 40
-    (x,) = surfaces.centres(44, h)
-    g = MU * A / 2 * semi_ellipse(x, A)
+    g = MU * A / 2 * semi_ellipse(surfaces.centres(44, h)[0], A)
     return creep_curve(bound=g, element=h, material=BODY, longitudinal=[-0.02, -0.05, -0.1])
 
 
 def surface_curve():
     g, alone = circle(16, (0.05, 0.02, 0.1))
-    return creep_curve(
-        bound=g, element=alone.element, material=BODY, lateral=[0.01, 0.02], spin=0.1
-    )
+    case = {"element": alone.element, "material": BODY}
+    return creep_curve(bound=g, **case, lateral=[0.01, 0.02], spin=0.1)
 
 
 @pytest.mark.parametrize(
@@ -89,6 +90,12 @@ def test_a_curve_is_drawn_over_the_creepage_that_varies(make, varied, name, unit
     assert_allclose(scaled.lines[0].get_ydata(), -forces[0] / 2.0)
     assert scaled.get_ylabel() == "-F/(μ P) [–]"
     refuses(ValueError, "friction is 0.0, but must be positive", curve.plot, friction=0.0)
+    pytest.importorskip("pandas")
+    table, scaled = curve.to_dataframe(), curve.to_dataframe(friction=2.0)
+    names = [name for name in table if name.startswith("force")]
+    assert_allclose(scaled[names], -table[names] / 2.0)
+    assert_allclose(table[names].T, forces)
+    assert [table.attrs["units"][name] for name in names] == [unit] * len(forces)
 
 
 @pytest.mark.parametrize("make", [line_curve, surface_curve])
@@ -97,8 +104,7 @@ def test_a_curve_is_told_by_its_first_and_its_last_point(make):
     assert repr(curve).startswith(f"<CreepCurve {len(curve.force)} points: creepages ")
     assert "\n" not in repr(curve)
     cells = cells_of(curve)
-    last = 100 * curve.stick_share[-1]
-    assert cells["share that sticks"].endswith(f" to {last:.5g} %")
+    assert cells["stick_share"].endswith(f" to {curve.stick_share[-1]:.5g}")
     assert cells["solved by"] == f"{curve.products.sum()} products"
     assert ("spin" in cells) == (make is surface_curve)
 
@@ -132,3 +138,65 @@ def test_a_curve_without_contact_has_no_force_and_nothing_that_slips(shape):
     assert not curve.force.any()
     assert not curve.power.any()
     assert np.array_equal(curve.stick_share, [1.0, 1.0])
+
+
+# Loads and steps ----------------------------------------------------------------------------------
+
+H = 0.05
+SPHERE = {"gap": surfaces.sphere((40, 40), (H, H), radius=1.0), "element": (H, H), "material": BODY}
+PRESSED = normal_contact(**SPHERE, force=0.1)
+PRESS = functools.partial(contact.load_curve, **SPHERE, forces=[0.02, 0.04, 0.08])
+ROLL = functools.partial(contact.rolling_steps, PRESSED, mu=0.3, steps=3, longitudinal=-0.01)
+
+
+@pytest.mark.parametrize("make", [PRESS, ROLL])
+def test_a_curve_computes_what_is_asked_for_and_that_once(make):
+    reports = []
+    curve = make(progress=lambda *now: reports.append(now))
+    assert not reports
+    first, cost = next(curve), len(reports)
+    assert "1 of 3 points" in repr(curve) + curve.summary()
+    rest = list(curve)
+    assert len(reports) > cost > 0
+    reports.clear()
+    assert all(a is b for a, b in zip(curve, [first, *rest], strict=True))
+    assert next(curve, None) is None
+    assert not reports
+
+
+@pytest.mark.parametrize("make", [PRESS, ROLL])
+def test_a_curve_is_a_table_a_dataset_and_a_file_of_its_results(make, tmp_path):
+    pytest.importorskip("xarray")
+    curve, results, bare = make(), list(make()), make(keep=False)
+    table, fields = curve.to_dataframe(), curve.to_xarray()
+    force = "force" if make is PRESS else "force_x"
+    assert table[force].tolist() == [np.ravel(result.force)[0] for result in results]
+    assert table.products.tolist() == [result.products for result in results]
+    curve.save(tmp_path / "x.npz")
+    again = contact.load(tmp_path / "x.npz")
+    field = "pressure" if make is PRESS else "traction"
+    for values in ([getattr(one, field) for one in again], fields[field]):
+        assert np.array_equal(values, [result.traction for result in results])
+    for same in (again.to_dataframe(), fields[[*table]].to_dataframe(), bare.to_dataframe()):
+        assert same.equals(table)
+    for call in (bare.to_xarray, lambda: bare.save(tmp_path / "y.npz"), lambda: next(bare)):
+        refuses(ValueError, "use keep=True", call)
+
+
+def test_a_load_curve_has_the_exponent_of_hertz_and_steps_their_creepages():
+    curve, figure = PRESS(), pytest.importorskip("matplotlib.figure").Figure()
+    (line, *_) = curve.plot(figure.subplots()).lines
+    assert_allclose(
+        np.diff(np.log(line.get_ydata())), 1.5 * np.diff(np.log(line.get_xdata())), 0.02
+    )
+    refuses(ValueError, "a load curve has no tangential forces", curve.plot, friction=1.0)
+    ax = ROLL(longitudinal=0.0, force=(0.01, 0.0)).plot(figure.add_subplot())
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("distance [mm]", "creepage")
+    assert_allclose(ax.lines[0].get_xdata(), H * np.arange(1, 4))
+
+
+def test_a_load_that_fails_comes_after_those_that_do_not_and_fails_again():
+    curve = contact.load_curve(**SPHERE, forces=[0.0, 0.1], max_products=2)
+    assert next(curve).force == 0.0
+    refuses(contact.ContactError, "products the conditions of contact", next, curve)
+    refuses(RuntimeError, "no more than 1 of 2 points are there, as .*ContactError", curve.plot)

@@ -12,11 +12,11 @@ from tests.systems import refuses
 from tests.test_friction import doubtful
 from toeplitz_mg import halfspace
 from toeplitz_mg.contact import (
-    ContactError,
     ContactWarning,
     Material,
     friction,
     hertz,
+    interfacial_stiffness,
     load_curve,
     normal_contact,
     surfaces,
@@ -71,18 +71,6 @@ def test_a_curve_takes_fewer_products_than_single_loads(make, most):
 
 
 @doubtful
-def test_the_loads_are_solved_one_by_one():
-    reports, options = [], {"material": UNIT, "forces": [0.01, 0.02]}
-    options["progress"] = lambda *report: reports.append(report)
-    curve = load_curve(rough_gap(64), (2.0 / 64, 2.0 / 64), **options)
-    assert not reports
-    next(curve)
-    assert reports
-    next(curve)
-    assert next(curve, None) is None
-
-
-@doubtful
 def test_a_previous_result_is_a_first_guess():
     gap, element = rough_gap(128), (2.0 / 128, 2.0 / 128)
     near = normal_contact(gap, element, material=UNIT, force=0.1)
@@ -124,15 +112,6 @@ def test_previous_must_be_of_the_same_grid():
         normal_contact(gap, element, material=UNIT, force=0.1, previous=shifted)
     with pytest.raises(ValueError, match=r"previous has \(32, 32\) elements of"):
         normal_contact(gap, (0.1, 0.1), material=UNIT, force=0.1, previous=pressed)
-
-
-@doubtful
-def test_a_load_that_fails_comes_after_those_that_do_not():
-    curve = load_curve(
-        sphere_gap(32), (2.0 / 32, 2.0 / 32), material=UNIT, forces=[0.0, 0.1], max_products=2
-    )
-    assert next(curve).force == 0.0
-    refuses(ContactError, "products the conditions of contact", next, curve)
 
 
 # No load ------------------------------------------------------------------------------------
@@ -207,6 +186,18 @@ def test_conductance_is_the_inverse_of_holms_resistance():
         (replace(whole, stiffness=None), "stiffness is None, but"),
     ):
         refuses(ValueError, message, result.conductance, 1.0, 1.0)
+
+
+@doubtful
+@pytest.mark.parametrize("periodic", [False, True])
+def test_the_interface_is_in_series_with_the_bodies(periodic):
+    """Along it bodies that stick have Mindlin's ratio of stiffness."""
+    case = {"element": (2.0 / 64, 2.0 / 64), "material": UNIT, "periodic": periodic, "force": 0.008}
+    pressed, whole = (normal_contact(gap, **case) for gap in (rough_gap(64), np.zeros((64, 64))))
+    k, kx, ky = interfacial_stiffness(pressed)
+    assert_allclose(1 / pressed.stiffness, 1 / whole.stiffness + 1 / (4.0 * k), rtol=1e-5)
+    assert_allclose((kx + ky) / (2.0 * k), 1.4 / 1.7, rtol=0.03)
+    assert interfacial_stiffness(whole) == (np.inf, np.inf, np.inf)
 
 
 def test_stiffness_is_computed_once_and_on_demand():

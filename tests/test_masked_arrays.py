@@ -133,6 +133,7 @@ use(contact.frictional_rolling, **PRESS, force=1.0, tangential_force=(0.1, 0.0))
 stresses_below = functools.partial(contact.subsurface_stresses, PRESSED)
 use_as("subsurface_stresses", stresses_below, depths=np.ones(2))
 use_as("CreepCurve", CURVE.plot, friction=1.0)
+use_as("CreepCurve", CURVE.to_dataframe, friction=1.0)
 use_as("NormalResult", AREA.conductance, k1=1.0, k2=1.0)
 use(contact.rolling, bound=GRID, **CONTACT, **ROLL)
 use(contact.rolling, bound=GRID, **CONTACT, longitudinal=1e-3, falling=(0.3, 0.2, 0.1))
@@ -192,8 +193,9 @@ WITHOUT_NUMBERS = {
     "LeastSquaresInfo",
     *("Multigrid", "ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "ToeplitzInverse"),
     *("componentwise", "count_products", "contact", "covariances", "fractional", "halfspace"),
-    *("problems", "surfaces", "use_transforms"),
+    *("problems", "surfaces", "use_transforms", "LoadCurve", "RollingSteps"),
     *("ContactError", "ContactResult", "ContactWarning", "HertzContact", "load"),
+    "interfacial_stiffness",
     *("FrictionalResult", "KalkerCoefficients", "LeastSquaresInfo", "Multigrid", "NormalResult"),
     *("ProductCount", "SolveInfo", "SteadyOptions", "Stresses", "TangentialResult"),
     *("ToeplitzInverse", "componentwise", "count_products", "use_transforms", "contact"),

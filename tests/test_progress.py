@@ -14,7 +14,6 @@ from toeplitz_mg.contact import (
     frictional_rolling,
     normal_contact,
     rolling,
-    rolling_steps,
     surfaces,
 )
 
@@ -60,18 +59,6 @@ def test_without_coarser_grids_none_is_told_of():
     _, coarse, fine = told(SOLVERS["normal"], nested=False)
     assert not coarse
     assert fine
-
-
-def test_each_step_of_rolling_is_told_of():
-    seen = []
-    told = {"progress": lambda *now: seen.append(now)}
-    steps = rolling_steps(**BODIES, longitudinal=0.02, steps=3, **told)
-    for result in steps:
-        counts = [products for products, _ in seen]
-        assert counts == [*range(counts[0], counts[-1] + 1)]
-        assert counts[-1] <= result.products
-        assert seen
-        seen.clear()
 
 
 UNLIKE = {"material": (SOFT, Material.rigid()), "mu": 0.3, "force": 0.2}

@@ -1,6 +1,5 @@
 """Curves: results under one load or in one step after the other, and tables of their numbers."""
 
-import os
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
@@ -14,13 +13,6 @@ from toeplitz_mg.contact.results.quantities import CREEPAGES, name_units, quanti
 from toeplitz_mg.values import positive
 
 Kind = TypeVar("Kind", NormalResult, TangentialResult)
-LABELS = {  # Of columns in pictures, where they are not their names.
-    "longitudinal": "longitudinal creepage",
-    "lateral": "lateral creepage",
-    "distance": "distance rolled",
-    "force_x": "along x",
-    "force_y": "along y",
-}
 
 
 class Curve(Result):
@@ -40,11 +32,6 @@ class Curve(Result):
         -------
         pandas.DataFrame
             Its ``attrs["units"]`` has the units of the columns.
-
-        Raises
-        ------
-        ImportError
-            Where pandas is not installed: ``pip install 'toeplitz-mg[xarray]'``.
         """
         pandas = files.import_extra("pandas", "to_dataframe")
         self._complete()
@@ -60,11 +47,6 @@ class Curve(Result):
         -------
         xarray.Dataset
             The first dimension is "point".
-
-        Raises
-        ------
-        ImportError
-            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
         """
         xarray = files.import_extra("xarray", "to_xarray")
         self._complete("to_xarray()")
@@ -89,11 +71,6 @@ class Curve(Result):
         Returns
         -------
         matplotlib.axes.Axes
-
-        Raises
-        ------
-        ImportError
-            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
         ax = pictures.find_axes(ax)
         self._complete()
@@ -101,11 +78,10 @@ class Curve(Result):
         over, drawn = self._choose(columns, friction)
         values, unit = columns[over]
         for name in drawn:
-            ax.plot(values, columns[name][0], "o-", label=LABELS.get(name, name))
-        up = "creepage" if drawn[0] in CREEPAGES else "force" if friction is None else "-F/(μ P)"
-        pictures.label_axis(ax.yaxis, up, columns[drawn[0]][1])
-        largest = float(np.abs(values).max(initial=0.0))
-        pictures.label_axis(ax.xaxis, LABELS.get(over, over), unit, largest)
+            ax.plot(values, columns[name][0], "o-", label=name.replace("force_", "along "))
+        up = "creepage" if drawn[0] in CREEPAGES else f"force [{columns[drawn[0]][1]}]"
+        ax.set(ylabel=up if friction is None else "-F/(μ P)")
+        ax.set(xlabel=f"{over} creepage" if unit == "1" else f"{over} [{unit}]")
         ax.ticklabel_format(axis="x", scilimits=(-2, 3))
         ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         ax.legend()
@@ -131,18 +107,19 @@ class Curve(Result):
 
     @property
     def _extent(self) -> str:
-        return f"{len(self._table()['products'])} points"
+        there = len(self._table(asks=False).get("products", ()))
+        every = getattr(self, "points", there)
+        return f"{there} points" if there == every else f"{there} of {every} points"
 
     def _figures(self) -> list[Figure]:
-        if not (columns := self._columns(asks=False)):  # Nothing is computed so far.
-            return []
-        over, drawn = self._choose(columns)
-        names = dict.fromkeys((over, *drawn, *columns))
-        figures = [Figure(name, *columns[name]) for name in names if name != "products"]
-        return [span(figure) for figure in figures if not np.isnan(figure.value).any()]
-
-    def _complete(self, needs_fields: str = "") -> None:
-        """Compute the points that are not there."""
+        table, units = self._table(asks=False), {"creepages": "", "spin": "1/mm"}
+        if "creepages" in table and table["creepages"].ndim > 1:
+            table["creepages"], table["spin"] = np.split(table["creepages"], [2], axis=1)
+        units = self.units | units | {"stick_share": ""}
+        first = [name for name in ("approach", "creepages", "force") if name in table]
+        figures = [Figure(x, table[x], units.get(x, "")) for x in dict.fromkeys((*first, *table))]
+        shown = [x for x in figures if x.value.any() and x.name != "products"]
+        return [span(figure) for figure in shown if not np.isnan(figure.value).any()]
 
     def _stack_fields(self, xarray: Any) -> Any:
         """Return a dataset with the fields of all points."""
@@ -202,14 +179,15 @@ class Results(Curve, Generic[Kind]):
         self._rows: list[dict[str, Any]] = []  # The numbers of results that were not kept.
         self._given = 0
         self._failure: str = ""
-        is_file = isinstance(self.results, list)
-        self._coming, self.results = (iter(()), self.results) if is_file else (self.results, [])
-        kinds: set[Any] = {(type(x), x.shape, x.element) for x in self.results}
-        alike = [kind for kind, *_ in kinds] == [self._kind] and len(self.results) == self.points
-        if is_file and not alike:
+        if not isinstance(self.results, list):
+            self._coming, self.results = self.results, []
+            return
+        self._coming = iter(())
+        kinds = {(type(x).__name__, x.shape, x.element) for x in self.results}
+        name, there = self._kind.__name__, len(self.results)
+        if {kind for kind, *_ in kinds} != {name} or len(kinds) > 1 or there != self.points:
             raise ValueError(
-                f"results are {len(self.results)} of {kinds}, but must be {self.points} of one "
-                f"{self._kind.__name__} and grid"
+                f"results are {there} of {kinds}, but must be {self.points} {name}s of one grid"
             )
 
     def __iter__(self) -> Self:
@@ -238,24 +216,16 @@ class Results(Curve, Generic[Kind]):
         """Return how many results there are in all, computed or not."""
         return self.points
 
-    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write all results to an ``.npz`` file, whole or not at all (see `NormalResult.save`)."""
-        self._complete("save()")
-        files.save(self, path, overwrite=overwrite)
-
     @property
     def units(self) -> dict[str, str]:
         """The units of the numbers and the fields, by their names."""
-        return name_units(self.results[0]) | {"distance": "mm"} if self.results else {}
+        units = name_units(self.results[0]) if self.results else {}
+        return units | {"distance": "mm"} if "creepages" in units else units
 
     @property
     def _there(self) -> int:
         """How many results are computed."""
         return len(self._rows) + len(self.results)
-
-    @property
-    def _extent(self) -> str:
-        return f"{self._there} of {self.points} results"
 
     def _compute(self) -> Kind:
         """Compute one more result."""

@@ -29,11 +29,6 @@ def interfacial_stiffness(pressed: NormalResult) -> tuple[float, float, float]:
         along x and y, of bodies that stick, N/mm³. Zero without contact, infinite where the bodies
         touch everywhere.
 
-    Raises
-    ------
-    ValueError, TypeError
-        For what is no result of `normal_contact`, or has the rows of one rank.
-
     See Also
     --------
     NormalResult : its `stiffness` is that of the interface and the bodies together, dF/dδ.

@@ -110,11 +110,6 @@ class Stresses(Result):
         Returns
         -------
         xarray.Dataset
-
-        Raises
-        ------
-        ImportError
-            Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
         """
         places = dict(zip(("depth", *"xy"), (self.depths, *self.centres), strict=False))
         return files.import_extra("xarray", "to_xarray").Dataset(
@@ -145,8 +140,6 @@ class Stresses(Result):
         ------
         ValueError
             Where there is no such stress, or depths are fewer than two or not in order.
-        ImportError
-            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
         if field not in [*SHOWN]:  # A list has no hash, but is refused as any other.
             raise ValueError(f"field is {field!r}, but must be one of {', '.join(SHOWN)}")

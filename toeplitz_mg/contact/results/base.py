@@ -134,6 +134,9 @@ class Result(Described, Protected):
 
     save = files.save
 
+    def _complete(self, needs_fields: str = "") -> None:
+        """Compute what is not there so far; it is said what needs the fields of all points."""
+
 
 class GridResult(Result):
     """A result with fields on a grid, a `_title` and `_figures`."""
@@ -176,8 +179,6 @@ class GridResult(Result):
         ------
         ValueError
             Where there is no such field.
-        ImportError
-            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
         return pictures.draw(self, field, ax)
 

@@ -92,11 +92,6 @@ class FrictionalResult(Result):
         Returns
         -------
         pair of matplotlib.axes.Axes
-
-        Raises
-        ------
-        ImportError
-            Where matplotlib is not installed: ``pip install 'toeplitz-mg[plot]'``.
         """
         left, right = pictures.find_axes(ax, 2)
         return self.normal.plot(ax=left), self.tangential.plot(ax=right)

@@ -70,6 +70,7 @@ def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) 
     --------
     load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
     """
+    result._complete("save()")
     arrays, about = _describe(result)
     text = json.dumps({"format": FORMAT} | about, ensure_ascii=False, indent=1)
     everything: dict[str, Any] = arrays | {"about": np.array(text)}
@@ -210,13 +211,8 @@ def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     elif hasattr(result, "units"):
         about |= {"units": result.units}
     for name, part in _parts(result).items():
-        several = isinstance(part, list)
-        parts = {f"{name}_{k}": x for k, x in enumerate(part)} if several else {name: part}
-        described = {prefix: _describe(x) for prefix, x in parts.items()}
-        for prefix, (own, _) in described.items():
-            arrays |= {f"{prefix}_{key}": x for key, x in own.items()}
-        texts = [text for _, text in described.values()]
-        about["parts"][name] = texts if several else texts[0]
+        own, about["parts"][name] = _describe(part)
+        arrays |= {f"{name}_{key}": x for key, x in own.items()}
     return arrays, about
 
 
@@ -232,10 +228,6 @@ def _compose(
     given = {name: _thaw(value) for name, value in about["values"].items()}
     sizes = dict(sizes or {}) | _find_sizes(arrays, given)
     for name, part in about.get("parts", {}).items():
-        if isinstance(part, list):
-            parts = [(arrays.of_part(f"{name}_{k}"), one) for k, one in enumerate(part)]
-            given[name] = [_compose(own, one) for own, one in parts]
-            continue
         given[name] = _compose(arrays.of_part(name), part, sizes)
         sizes.setdefault("grid", getattr(given[name], "shape", ()))
     if "material" in about:
@@ -252,6 +244,8 @@ def _compose(
         elif given.get(name) is not None:
             _check_numbers(name, given[name], quantity)
     _check_sums(given)
+    if "results" in {field.name for field in fields(kind)}:
+        given["results"] = [given.pop(name) for name in about["parts"]]
     return kind(**given)
 
 
@@ -291,10 +285,10 @@ def import_extra(name: str, method: str) -> Any:
 
 
 def _parts(result: Any) -> dict[str, Any]:
-    """Return the parts of a result that have fields of their own, and lists of such parts."""
+    """Return the parts of a result that have fields of their own; of a curve its results."""
     own = {field.name: vars(result)[field.name] for field in fields(result)}
-    kinds = {k: is_dataclass(value) or type(value) is list for k, value in own.items()}
-    return {k: value for k, value in own.items() if k != "material" and kinds[k]}
+    own |= {f"result_{k}": part for k, part in enumerate(own.get("results", ()))}
+    return {k: value for k, value in own.items() if k != "material" and is_dataclass(value)}
 
 
 def _list_parts(result: Any) -> dict[str, Any]:
@@ -304,13 +298,13 @@ def _list_parts(result: Any) -> dict[str, Any]:
 
 def _split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return the arrays of a result by their names, and its other values but its parts."""
-    if "shape" in vars(result):
+    if "contact" in vars(result):
         require_whole(result)
     arrays: dict[str, Array] = dict(zip("xy", vars(result).get("centres", ()), strict=False))
     values: dict[str, Any] = {}
     parts = _parts(result)
     for field in fields(result):
-        if field.name in ("material", "centres", *parts):
+        if field.name in ("material", "centres", "results", *parts):
             continue
         value = getattr(result, field.name)
         if isinstance(value, np.ndarray) and value.ndim:
@@ -327,11 +321,6 @@ def to_xarray(result: Any) -> Any:
     -------
     xarray.Dataset
         Numbers that are no fields are in its `attrs`.
-
-    Raises
-    ------
-    ImportError
-        Where xarray is not installed: ``pip install 'toeplitz-mg[xarray]'``.
     """
     xarray = import_extra("xarray", "to_xarray")
     if parts := {name: to_xarray(part) for name, part in _list_parts(result).items()}:

@@ -12,7 +12,7 @@ from toeplitz_mg.contact import doubts, surfaces
 from toeplitz_mg.contact.curves import Curve
 from toeplitz_mg.contact.grid import DENSE, Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, files
-from toeplitz_mg.contact.results.base import Figure, Summary, list_figures, span
+from toeplitz_mg.contact.results.base import Figure, Summary
 from toeplitz_mg.contact.results.quantities import CREEPAGES, Quantity, require_whole
 from toeplitz_mg.contact.tangential.rolling import Rolled, roll, rolling
 from toeplitz_mg.halfspace.materials import Bodies, Material, check_ratio
@@ -61,17 +61,6 @@ class CreepCurve(Curve):
     element: tuple[float, ...]
 
     _title: ClassVar[str] = "Creep curve"
-
-    def _figures(self) -> list[Figure]:
-        creepages, spin = self.creepages, None
-        if creepages.ndim > 1:
-            creepages, spin = creepages[:, :2], creepages[:, 2]
-        figures = list_figures(
-            self, Figure("creepages", creepages), "force",
-            Figure("spin", spin if np.any(spin) else None, "1/mm"), "moment", "power",
-            Figure("share that sticks", 100.0 * self.stick_share, "%"),
-        )  # fmt: skip
-        return [span(figure) for figure in figures]
 
 
 def creep_curve(
