@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 from numpy.testing import assert_allclose
-from scipy.optimize import approx_fprime
 
-import toeplitz_mg as tmg
 from toeplitz_mg.covariances import (
     ARFIMA,
     ARMA,
@@ -219,13 +217,6 @@ def test_arfima_without_integration_is_arma():
     expected, slopes = ARMA(1.0, ar, ma).values_and_gradient(300)
     assert_allclose(values, expected, atol=1e-13 * expected[0])
     assert_allclose(np.delete(gradient, 1, axis=0), slopes, atol=1e-12 * abs(slopes).max())
-
-
-def test_likelihoods_have_gradients_by_parameters():
-    k, y = COMPOSED["sum"], np.random.default_rng(0).standard_normal(50)
-    by_c = tmg.ToeplitzNormal(k(50)).logpdf_and_grad(y)[1]
-    slopes = approx_fprime(k.theta, lambda t: tmg.ToeplitzNormal(k.with_theta(t)(50)).logpdf(y))
-    assert_allclose(k.gradient(50) @ by_c, slopes, atol=1e-4)
 
 
 @pytest.mark.parametrize(
