@@ -92,34 +92,31 @@ class Conditional:
 
     def warned_variance(self) -> Array:
         """Return the variances; the warning names the caller of the method that asks for them."""
-        variance, doubt, category = self._variance
-        if doubt:
-            warnings.warn(doubt, category, stacklevel=3)
+        variance, warning = self._variance
+        if warning is not None:
+            warnings.warn(warning, stacklevel=3)
         return variance
 
     @cached_property
-    def _variance(self) -> tuple[Array, str, type[Warning]]:
-        """The variances, and what a warning says of them."""
+    def _variance(self) -> tuple[Array, Warning | None]:
+        """The variances, and a warning if they are not exact."""
         missing = ~self.mask.ravel()
-        number, variance = np.count_nonzero(missing), np.zeros(missing.size)
-        category: type[Warning] = LinAlgWarning
+        number, variance, warning = np.count_nonzero(missing), np.zeros(missing.size), None
         if number <= MOST:
             variance[missing] = self.known.variances()
-            doubt = doubt_of_gaps("the variances", self.known.rounding, IMPRECISE)
+            if doubt := doubt_of_gaps("the variances", self.known.rounding, IMPRECISE):
+                warning = LinAlgWarning(doubt)
         else:
             random = np.random.default_rng(0)
             for _ in range(DRAWS):
                 variance += (self.rvs(random_state=random) - self.mean).ravel() ** 2 / DRAWS
             variance[~missing] = 0.0
-            doubt, category = (
-                (
-                    f"{number} points are missing: of more than {MOST} the variances are those of "
-                    f"{DRAWS} draws, with a standard error of {(2 / DRAWS) ** 0.5:.0%}"
-                ),
-                UserWarning,
+            warning = UserWarning(
+                f"{number} points are missing: of more than {MOST} the variances are those of "
+                f"{DRAWS} draws, with a standard error of {(2 / DRAWS) ** 0.5:.0%}"
             )
         variance.flags.writeable = False
-        return variance.reshape(self.mask.shape), doubt, category
+        return variance.reshape(self.mask.shape), warning
 
     def _estimate(self, fields: Array) -> Array:
         """Return the means of the points, given fields at those that are observed."""
