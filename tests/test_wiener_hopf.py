@@ -34,7 +34,7 @@ def test_refuses_what_winds_around_zero(winding, is_complex):
     lags[n - 1 + winding] = 2j if is_complex else -2.0
     lags[n - 1] = 0.5
     A = tmg.ToeplitzOperator.from_lags(lags)
-    message = rf"winding number {winding}, but needs 0.*use chan_preconditioner\(A\) with gmres"
+    message = rf"winding number {winding}, but must have 0.*use chan_preconditioner\(A\) with gmres"
     refuses(np.linalg.LinAlgError, message, tmg.spectral_preconditioner, A)
 
 

@@ -87,8 +87,8 @@ class _Descent:
                 return
             if length == 0.0:
                 raise np.linalg.LinAlgError(
-                    f"A is not positive definite, because xᴴ A x is {self._cg.curvature:.3g} for "
-                    f"some vector: use {INDEFINITE}"
+                    f"A is not positive definite: for some vector xᴴ A x is "
+                    f"{self._cg.curvature:.3g}: use {INDEFINITE}"
                 )
             self.fall += length * self._cg.rho
             axpy(-length, self._cg.product, self._r)

@@ -14,16 +14,16 @@ from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 
 class Rows(NamedTuple):
-    """Rows of G in float64: those of the table, by pattern, or one for each unknown.
+    """Rows of G in float64: a table by pattern, or one row for each unknown.
 
     Attributes
     ----------
     rows : ndarray of shape (K, any)
-        The rows, as columns.
+        The rows, stored as columns.
     sums : ndarray of shape (d, any)
-        The products of the rows with c in their own component, and in the other.
+        The products of the rows with c, in their own component and in the other.
     place : ndarray of int
-        For each place the number of the row that the unknown there has.
+        The index of the row for the unknown at each place.
     """
 
     rows: Array
@@ -34,14 +34,14 @@ class Rows(NamedTuple):
 def aggregate(
     stencil: Stencil, coarser: Stencil, matrix: LevelMatrix, rows: Rows, at: Array
 ) -> tuple[LevelMatrix, Array]:
-    """Return the coarse Galerkin matrix E, and what makes W orthonormal, for `prolong`.
+    """Return the coarse Galerkin matrix E, and the matrices that make W orthonormal.
 
-    The weight c of an aggregate is its load cᵀGᵀw_J over the load of one that is all active.
+    The weight c of an aggregate is its load cᵀGᵀw_J divided by that of a fully active aggregate.
 
     Parameters
     ----------
     stencil, coarser : Stencil
-        Of this level, and of E, whose cells are the aggregates of the cells here.
+        For this level and for E; the cells of E are the aggregates here.
     matrix : LevelMatrix
     rows : Rows
     at : ndarray of int
@@ -59,7 +59,7 @@ def aggregate(
         within = [matrix.active.take(s) for s in slots]
         place = [rows.place.take(s) for s in slots]
         U = [rows.sums.take(p, axis=1) * w for p, w in zip(place, within, strict=True)]
-        # Where a component has no unknown in a block its load is 0, and the diagonal 1.
+        # If a component has no unknown in a block, its load is 0 and its diagonal 1.
         empty: list[Array] = [np.logical_not(w.any(axis=0)) for w in within]
         norms = [np.sqrt(np.einsum("im,im->m", u[0], u[0])) for u in U]
         for norm, none in zip(norms, empty, strict=True):
@@ -73,7 +73,7 @@ def aggregate(
             c[K] = loads[a] / stencil.totals[a]
             new = ~empty[a]
             if matrix.by_table:
-                # Where all cells are active, it is that of the coarser kernel exactly.
+                # For a fully active aggregate the diagonal is that of the coarser kernel.
                 full = (within[a] & (place[a] == (a + 1) * stencil.patterns - 1)).all(axis=0)
                 diagonal[K[full]] = coarser.zero[a]
                 new &= ~full
@@ -86,7 +86,7 @@ def aggregate(
 
 
 def _touched_blocks(stencil: Stencil, at: Array) -> Array:
-    """Return the numbers of the blocks that have some of these places."""
+    """Return the numbers of the blocks that contain some of these places."""
     touched = np.zeros(len(stencil.grid.origins), bool)
     for a, part in enumerate(stencil.split(at)):
         touched[stencil.grid.block_of.take(part - a * stencil.grid.size)] = True
@@ -101,12 +101,12 @@ def _orthonormalise(
     Parameters
     ----------
     U : two ndarrays of shape (2, h1 h2, m)
-        In the cells of either component the sums of rows with loads in their own component, and
-        in the other.
+        The sums of rows in the cells of either component: for loads in their own component, and for
+        loads in the other.
     norms : two ndarrays of shape (m,)
-        The norms of the sums with loads in their own component.
+        The norms of the sums for loads in their own component.
     empty : two ndarrays of bool, of shape (m,)
-        Where a component has no unknown: its vector is taken as one orthogonal to the other.
+        Whether a component has no unknown; its vector is then taken as orthogonal to the other.
     """
     there = [~none for none in empty]
     (xx, xy), (yy, yx) = U
@@ -114,9 +114,9 @@ def _orthonormalise(
     gyy = np.where(there[1], norms[1] ** 2 + np.einsum("im,im->m", xy, xy), 1.0)
     gxy = np.einsum("im,im->m", xx, xy) + np.einsum("im,im->m", yy, yx)
     gxy *= there[0] & there[1]
-    # With s² the determinant, (UᵀU)^(1/2) is (UᵀU + s I)/t, its inverse (adj(UᵀU) + s I)/(s t).
+    # With s² = det(UᵀU): (UᵀU)^(1/2) = (UᵀU + s I)/t, with the inverse (adj(UᵀU) + s I)/(s t).
     product = np.sqrt(gxx) * np.sqrt(gyy)
-    square = 1.0 - (gxy / product) ** 2  # This is the squared sine of their angle.
+    square = 1.0 - (gxy / product) ** 2  # The squared sine of the angle between the vectors.
     subject = "the sine of the angle of two vectors of W is, squared,"
     require_positive(subject, float(square.min()))
     s = product * np.sqrt(square)
@@ -135,9 +135,9 @@ def _diagonal(
     index: Array,
     w: Array,
 ) -> Array:
-    """Return the diagonal of E for blocks of a component, exactly, with these entries of W.
+    """Return the exact diagonal of E for blocks of a component with these entries of W.
 
-    Where components are coupled, only the loads in the component itself are taken.
+    For coupled components only the loads in the component itself are included.
     """
     grid = stencil.grid
     loads = add_loads(grid, rows.rows[: len(grid.steps)], index, w)
@@ -153,9 +153,9 @@ def _diagonal(
 def prolong(
     stencil: Stencil, coarser: Stencil, rows: Rows, inverse: Array, at: Array
 ) -> tuple[Array, Array]:
-    """Return the entries of W in the rows of these places, and the places of their columns.
+    """Return the entries of W in the rows at these places, and the places of their columns.
 
-    Both are of shape (m, d), with the component of the row first.
+    Both have the shape (m, d), with the component of the row first.
     """
     sums, size = rows.sums, coarser.grid.size
     entries, columns = [], []

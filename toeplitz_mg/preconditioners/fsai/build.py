@@ -1,4 +1,4 @@
-"""All levels of a multilevel sparse approximate inverse, built for a mask."""
+"""Build all levels of a multilevel sparse approximate inverse for a mask."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,20 +24,19 @@ from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 
 @dataclass(frozen=True)
 class Options:
-    """The parameters of a multilevel sparse approximate inverse, but for its precision.
+    """The parameters of a multilevel sparse approximate inverse, except its precision.
 
     Attributes
     ----------
     neighbours : int, optional
-        The cells before its own that a row of G sees. By default a trial finds how many a kernel
-        needs.
+        The number of preceding cells that a row of G uses. By default a trial finds how many the
+        kernel needs.
     direct : int
-        Most unknowns that are solved for directly, by a Cholesky factor.
+        Most unknowns that a Cholesky factor solves for.
     direct_on_line : int
-        Most unknowns of a whole line, whose levels cost next to nothing, that are solved for
-        directly.
+        The same for a whole line, whose levels cost very little.
     is_line_alike : bool
-        Whether it is made use of that on a whole line all rows are alike.
+        Whether to exploit that all rows of G on a whole line are equal.
     """
 
     neighbours: int | None = None
@@ -57,10 +56,10 @@ def build(
     Parameters
     ----------
     stencil : Stencil
-        What the kernel determines, the neighbours too.
+        The neighbours, and what else depends only on the kernel.
     matrix : LevelMatrix
     dtype : dtype
-        The precision in which it is applied; everything is computed in float64.
+        The precision in which the levels are applied; they are computed in float64.
     options : Options
     """
     at = np.flatnonzero(matrix.active)
@@ -73,10 +72,10 @@ def build(
 def build_factors(
     stencil: Stencil, coarser: Stencil, matrix: LevelMatrix, at: Array, dtype: np.dtype[Any]
 ) -> tuple[list[csr_array], list[csr_array], LevelMatrix]:
-    """Return the rows of G and W of the unknowns in these places, in blocks, and E.
+    """Return the rows of G and W for the unknowns at these places, in blocks, and E.
 
-    The columns of G are all unknowns, those of W the unknowns of E, which is of the aggregates that
-    some of these places are in, on the cells of `coarser`.
+    The columns of G are all unknowns. Those of W are the unknowns of E: the aggregates, numbered as
+    cells of `coarser`, that contain some of these places.
     """
     rows = compute_rows(stencil, matrix, at)
     E, inverse = aggregate(stencil, coarser, matrix, rows, at)
@@ -100,7 +99,7 @@ def build_factors(
 
 
 def compute_rows(stencil: Stencil, matrix: LevelMatrix, at: Array) -> Rows:
-    """Return the rows of G of the unknowns in these places."""
+    """Return the rows of G for the unknowns at these places."""
     parts, entries = stencil.split(at), len(stencil.steps[0])
     if matrix.by_table:
         place = np.zeros(len(matrix.c), np.int16)
@@ -129,7 +128,7 @@ def compute_rows(stencil: Stencil, matrix: LevelMatrix, at: Array) -> Rows:
 
 
 def _find_patterns(steps: Array, active: Array, at: Array) -> Array:
-    """Return for each of these places, in order, which neighbours are active, as bits."""
+    """Return for each of these ascending places which neighbours are active, as bits."""
     if not len(at):
         return np.zeros(0, np.int16)
     start, stop = at[0], at[-1] + 1
@@ -146,7 +145,7 @@ def _find_patterns(steps: Array, active: Array, at: Array) -> Array:
 def assemble_factor(
     stencil: Stencil, matrix: LevelMatrix, rows: Rows, at: Array, own: slice
 ) -> csr_array:
-    """Return some rows of G in float64, those of the unknowns in these places.
+    """Return the rows of G for the unknowns at these places, in float64.
 
     Parameters
     ----------
@@ -155,14 +154,14 @@ def assemble_factor(
     rows : Rows
     at : ndarray of int
     own : slice
-        Where these places are among those of all unknowns that `rows` is of.
+        The slice of these places among those of all unknowns in `rows`.
     """
     parts = stencil.split(at)
     if matrix.by_table:
         G = stencil.sparse_table[rows.place.take(at)]
     else:
         G = stencil.compress(rows.rows[:, own], [len(part) for part in parts])
-    # This is the first place that each row might see.
+    # The first place that each row may use.
     lowest = [part + steps.min() for part, steps in zip(parts, stencil.steps, strict=True)]
     first = np.concatenate(lowest).astype(np.int32)
     G.indices += np.repeat(first, np.diff(G.indptr))

@@ -9,24 +9,24 @@ from toeplitz_mg._typing import Array
 
 PerAxis = tuple[int, int]  # A number for each of the two axes.
 
-AGGREGATE = 16  # Cells of an aggregate, 4 x 4 where they are square: a row of G sees about as many.
+AGGREGATE = 16  # Cells of an aggregate, 4 x 4 if they are square; a row of G uses about as many.
 
 
 @dataclass(frozen=True)
 class CellGrid:
     """A grid of cells, with the neighbours of a cell and the blocks that are aggregates.
 
-    Everything is computed where it is first asked for. The cells are kept flattened, with a margin
-    and whole blocks, so that each cell has its neighbours and each block its cells.
+    Everything is computed on demand. The cells are stored flattened, with a margin and whole
+    blocks, so that each cell has all neighbours and each block all cells.
 
     Attributes
     ----------
     kernel : ndarray of shape (n1, n2)
-        Coefficients, even in both axes, which say which cells are near; a line is 1 x n.
+        Coefficients, even in both axes, which decide which cells are near; a line is 1 x n.
     neighbours : int
-        Cells before its own that a row of G sees.
+        The number of preceding cells that a row of G uses.
     part : (m1, m2), optional
-        The shape of the cells that are here, some rows of the whole grid; by default all.
+        The shape of the local cells, if they are only some rows of the whole grid.
     """
 
     kernel: Array
@@ -35,16 +35,16 @@ class CellGrid:
 
     @property
     def shape(self) -> PerAxis:
-        """The shape of the cells that are here."""
+        """The shape of the local cells."""
         n1, n2 = self.kernel.shape
         return self.part or (n1, n2)
 
     @cached_property
     def offsets(self) -> Array:
-        """The cell itself and those before it where the kernel is largest, shape (K, 2)."""
+        """The cell itself and the preceding cells with the largest kernel, shape (K, 2)."""
         near = np.abs(self.kernel[: self.neighbours + 1, : self.neighbours + 1])
         n1, n2 = near.shape
-        # These are the cells before the cell itself.
+        # The cells that precede the cell itself.
         i, j = np.mgrid[:n1, 1 - n2 : n2].reshape(2, -1)[:, n2:]
         nearest = np.lexsort((i + np.abs(j), -near[i, np.abs(j)]))[: self.neighbours]
         before = np.stack([-i, -j], axis=-1)[nearest]
@@ -52,19 +52,19 @@ class CellGrid:
 
     @cached_property
     def reach(self) -> PerAxis:
-        """The farthest neighbour in either axis."""
+        """The distance of the farthest neighbour along each axis."""
         first, second = np.abs(self.offsets).max(axis=0)
         return int(first), int(second)
 
     @cached_property
     def block(self) -> PerAxis:
-        """The shape of an aggregate, over whose two sides the kernel decays alike."""
+        """The shape of an aggregate; the kernel decays equally along both sides."""
         n1, n2 = self.kernel.shape
         sides = [2**p for p in range(AGGREGATE.bit_length())]
         shapes = [(h, AGGREGATE // h) for h in sides if h < 2 * n1 and AGGREGATE // h < 2 * n2]
         K = self.kernel
-        # Two shapes that reach beyond a small grid look alike: then it is the one whose cells, as
-        # far as there are any, are coupled most. A grid that is smaller than any is one block.
+        # Shapes that reach beyond a small grid may look equal: prefer the one whose cells, as far
+        # as they exist, are coupled most. A grid that is smaller than all shapes is one block.
         return min(
             shapes or [(4, 4)],
             key=lambda h: (
@@ -75,7 +75,7 @@ class CellGrid:
 
     @cached_property
     def blocks(self) -> PerAxis:
-        """The number of aggregates in either axis: the grid of the next level."""
+        """The number of aggregates along each axis: the grid of the next level."""
         (n1, n2), (h1, h2) = self.shape, self.block
         return -(-n1 // h1), -(-n2 // h2)
 
@@ -86,9 +86,9 @@ class CellGrid:
         return p1 + m1 * h1, m2 * h2 + 2 * p2
 
     def place(self, grid: Array, margin: float) -> Array:
-        """Return the grid with a margin of this value, flattened.
+        """Return a flattened copy of the grid with a margin of this value.
 
-        Rows of the whole grid above those that are here may come with them, into the margin.
+        The grid may include rows above the local ones; they go into the margin.
         """
         (n1, n2), (p1, p2) = self.shape, self.reach
         padded: Array = np.full(self.padded, margin, grid.dtype)
@@ -97,12 +97,12 @@ class CellGrid:
 
     @cached_property
     def size(self) -> int:
-        """The number of cells with the margin."""
+        """The number of cells including the margin."""
         return self.padded[0] * self.padded[1]
 
     @cached_property
     def block_of(self) -> Array:
-        """The block of every cell; in the margin any block that is near."""
+        """The block of every cell; in the margin that of a nearby block."""
         i, j = (
             ((np.arange(n, dtype=np.int32) - p) // h).clip(0, m - 1)
             for n, p, h, m in zip(self.padded, self.reach, self.block, self.blocks, strict=True)
@@ -145,7 +145,7 @@ class CellGrid:
         return self._flat(self.window_cells)
 
     def _every(self, shape: PerAxis, step: PerAxis) -> Array:
-        """Return the places of cells these steps apart, from the first of the grid on."""
+        """Return the places of cells these steps apart, starting at the first cell of the grid."""
         i, j = (p + h * np.arange(m) for p, h, m in zip(self.reach, step, shape, strict=True))
         return np.add.outer(i * self.padded[1], j).ravel()
 

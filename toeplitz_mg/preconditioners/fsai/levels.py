@@ -17,26 +17,26 @@ from toeplitz_mg.operators.positivity import name_condition
 from toeplitz_mg.preconditioners.fsai.rows import Refused, refusal
 from toeplitz_mg.preconditioners.fsai.stencil import MOST_TABULATED, Stencil
 
-BLOCK = 2**17  # Rows of a block of a sparse matrix: enough of them that threads do not wait.
-# Sum of the columns that each block reaches, over all columns, above which the blocks are made one.
+BLOCK = 2**17  # Rows in a block of a sparse matrix: enough that threads do not wait.
+# If the column ranges of all blocks together exceed this multiple of the columns, use one block.
 WIDE = 1.5
-STEPS = 8  # Steps of inverse iteration, which give the smallest eigenvalue to some per cent.
+STEPS = 8  # Steps of inverse iteration; the smallest eigenvalue is then known to some per cent.
 
 
 @dataclass(frozen=True)
 class LevelMatrix:
-    """The matrix c_i K(i-j) c_j with the diagonal d, on the places of a `Stencil`.
+    """The matrix with the entries c_i K(i-j) c_j and the diagonal d, on the places of a `Stencil`.
 
     Attributes
     ----------
     c : ndarray
-        The weight of each unknown, on a coarse level its load, which is 1 for an aggregate that is
-        all active; 0 where there is no unknown.
+        The weight of each unknown; 0 where there is no unknown. On a coarse level it is the load,
+        which is 1 for a fully active aggregate.
     d : ndarray
         The diagonal; 1 where there is no unknown.
     by_table : bool
-        Whether it is A itself, so that c is true or false and the rows of G are those of the table
-        of patterns.
+        Whether it is A itself: then c is boolean, and the rows of G are taken from the table of
+        patterns.
     """
 
     c: Array
@@ -45,15 +45,15 @@ class LevelMatrix:
 
     @classmethod
     def of_mask(cls, stencil: Stencil, mask: Array) -> "LevelMatrix":
-        """Return the matrix of a mask, of shape (n1, n2), or (2, n1, n2) for two components."""
+        """Return the matrix for a mask of shape (n1, n2), or (2, n1, n2) for two components."""
         grids = mask.reshape(len(stencil.kernel), -1, stencil.grid.shape[1])
         active = np.concatenate([stencil.grid.place(grid, False) for grid in grids])
         matrix = cls(active, stencil.on_places(stencil.zero), True)
-        # More neighbours have too many patterns for a table.
+        # With more neighbours there are too many patterns for a table.
         return matrix if stencil.neighbours <= MOST_TABULATED else matrix.without_table()
 
     def without_table(self) -> "LevelMatrix":
-        """Return the same matrix, whose rows of G are computed one by one."""
+        """Return the same matrix, for which each row of G is computed separately."""
         return LevelMatrix(self.c.astype(np.float64), np.where(self.active, self.d, 1.0))
 
     @cached_property
@@ -68,12 +68,12 @@ class LevelMatrix:
 
     @cached_property
     def number(self) -> Array:
-        """The number of the unknown in each place, in the order of their places."""
+        """The number of the unknown at each place, in the order of the places."""
         return number_places(np.flatnonzero(self.active), len(self.c))
 
 
 def number_places(at: Array, size: int) -> Array:
-    """Return for each of so many places its number among these, 0 where it is none of them."""
+    """Return an array of length `size` with the index of each place in `at`, and 0 elsewhere."""
     number = np.zeros(size, np.int32)
     number[at] = np.arange(len(at), dtype=np.int32)
     return number
@@ -81,19 +81,19 @@ def number_places(at: Array, size: int) -> Array:
 
 @dataclass(frozen=True)
 class Direct:
-    """The last level, by Cholesky's factorisation.
+    """The last level, solved by a Cholesky factor.
 
     Attributes
     ----------
     factor : ndarray of shape (N, N)
-        The upper factor in Fortran's order: another LAPACK would copy in each application.
+        The upper factor in Fortran order, which LAPACK need not copy.
     """
 
     factor: Array
 
     @classmethod
     def of(cls, matrix: Array, dtype: np.dtype[Any]) -> "Direct":
-        """Factorise a matrix, to be applied in this precision."""
+        """Factorise a matrix; the factor is applied in the precision `dtype`."""
         try:
             factor = factorise(matrix)
         except np.linalg.LinAlgError:
@@ -124,14 +124,14 @@ class Direct:
 
 
 def require_definite(matrix: Array, inverse: Callable[[Array], Array], dtype: Any) -> None:
-    """Raise LinAlgError where the inverse of the last matrix may be indefinite in this precision.
+    """Raise a LinAlgError if the inverse of the last matrix may be indefinite in this precision.
 
-    Its condition number is estimated by its 1-norm and some steps of inverse iteration.
+    The condition number is estimated from the 1-norm and some steps of inverse iteration.
     """
     size = float(np.abs(matrix).sum(axis=0).max())
     v = np.random.default_rng(0).standard_normal(len(matrix))
     for _ in range(STEPS):
-        # In terms of its size, as the inverse of the smallest numbers has squares that overflow.
+        # Scaled by the size of the matrix, because the square of the inverse might overflow.
         v = size * inverse(v / np.linalg.norm(v))
     condition = float(np.linalg.norm(v))
     if why := name_condition(condition, dtype, "the coarsest matrix"):
@@ -144,18 +144,18 @@ class Block(NamedTuple):
     """Some rows of a sparse matrix."""
 
     rows: slice
-    columns: slice  # Those that its entries reach.
-    own: slice  # Those of them that no other block reaches.
+    columns: slice  # The columns from its first to its last entry.
+    own: slice  # The part of these that no other block reaches.
     matrix: csr_array
 
 
 class Blocks:
-    """A sparse matrix in blocks of rows, which threads share, and which do not depend on these.
+    """A sparse matrix in blocks of rows, which do not depend on the number of threads.
 
     Parameters
     ----------
     pieces : list of csr_array
-        Its rows, as many in each as `cut_rows` says. Their arrays are taken over, and changed.
+        The rows, split as by `cut_rows`. Their arrays are taken over and changed.
     """
 
     def __init__(self, pieces: list[csr_array]) -> None:
@@ -171,7 +171,7 @@ class Blocks:
         share(find_reach, len(pieces), self.nnz)
         first, stop = np.minimum(*reach), reach[1]
         if (stop - first).sum() > WIDE * m:
-            # The rows of a component see those of another, so that a block would reach half of all.
+            # Rows that use another component would make a block reach half of all columns.
             pieces, first, stop = [vstack(pieces)], np.array([0]), np.array([m])
         begin = np.maximum(first, np.maximum.accumulate(np.append(0, stop[:-1]))).clip(max=stop)
         end = np.minimum.accumulate(np.append(first[1:], m)[::-1])[::-1].clip(begin, stop)
@@ -205,7 +205,7 @@ class Blocks:
         return self.tocsr().toarray()
 
     def multiply(self, x: Array, y: Array, *, add: bool = False) -> None:
-        """Write the product with a vector, or with the columns of x, to y, or add it."""
+        """Write the product with a vector, or with the columns of x, to y, or add it to y."""
 
         def work(blocks: range) -> None:
             for block in self._blocks[blocks.start : blocks.stop]:
@@ -227,11 +227,11 @@ class Blocks:
                 product = matrix.T @ y[rows]
                 start, stop = own.start - columns.start, own.stop - columns.start
                 x[own] = product[start:stop]
-                # Only copies of the rest are kept, as all products together would take much memory.
+                # Copy only the rest, because all products together would take much memory.
                 shared[k] = product[:start].copy(), product[stop:].copy()
 
         share(work, len(self._blocks), self.nnz)
-        # What several blocks reach is added here, in their order.
+        # Columns that several blocks reach are summed here, in the order of the blocks.
         done = 0
         for block in self._blocks:
             x[done : block.own.start] = 0.0
@@ -243,8 +243,8 @@ class Blocks:
 
 
 def cut_rows(count: int, entries: int) -> list[slice]:
-    """Return the blocks of so many rows that threads share: one, if they have few entries each."""
-    # Without rows, as some ranks are on slabs, there is one empty block.
+    """Return blocks of rows that threads share; a small matrix is one block."""
+    # On slabs a rank may have no rows; it has one empty block.
     size = BLOCK if count * entries >= WORTH_THREADS else max(count, 1)
     return [slice(k, min(k + size, count)) for k in range(0, max(count, 1), size)]
 
@@ -255,11 +255,11 @@ class Level:
     Parameters
     ----------
     G : list of csr_array
-        The local factor, in blocks of its rows, which are the unknowns in the order of their
+        The local factor, in blocks of rows; the rows are the unknowns in the order of their
         places. Its arrays, and those of W, are taken over.
     W : list of csr_array
         The tentative prolongator.
-    coarse : Level or Direct, or what is alike
+    coarse : Level or Direct, or an object with the same methods
     """
 
     def __init__(self, G: list[csr_array], W: list[csr_array], coarse: Any) -> None:
@@ -282,7 +282,7 @@ class Level:
     def __call__(self, x: Array, out: Array | None = None, rows: Array | None = None) -> Array:
         """Apply the inverse to a vector, or to the columns of x, into `out`, which may be `x`.
 
-        A vector of the rows of G may be given, whose content is lost: that takes less memory.
+        `rows` is an optional work vector with the length of the rows of G, which saves memory.
         """
         z = np.empty_like(x) if out is None else out
         y = workspace((self.G.shape[0], *x.shape[1:]), x.dtype) if rows is None else rows

@@ -1,11 +1,11 @@
-"""How many neighbours a kernel needs in a row of G: as few as solve a trial problem soon enough.
+"""The fewest neighbours in a row of G that solve a trial problem with few iterations.
 
-Twelve cells before its own are enough for a row of G where the kernel decays slowly, as that of a
-half-space. A covariance that is as smooth as Matérn's needs more, and so do very long elements, the
-more so where few cells are active: of many that matter a row sees one or two then. So conjugate
-gradients are run with P itself, on a small grid of which one part has all of its cells and the rest
-a tenth of them. What acts along chains of cells longer than that grid is not seen: coefficients at
-isolated lags, a Laplacian that is nearly singular.
+For a slowly decaying kernel, such as that of a half-space, twelve preceding cells are enough. A
+smooth covariance such as Matérn's needs more, and so do very long elements, particularly if few
+cells are active: then a row has only one or two of the many cells that matter. So conjugate
+gradients are run with P on a small grid, one part of which is fully active and the rest to a tenth.
+The trial does not detect what acts along chains of cells longer than its grid: coefficients at
+isolated lags, or a nearly singular Laplacian.
 """
 
 from dataclasses import replace
@@ -22,27 +22,27 @@ from toeplitz_mg.preconditioners.fsai.levels import LevelMatrix
 from toeplitz_mg.preconditioners.fsai.rows import Refused, require_positive
 from toeplitz_mg.preconditioners.fsai.stencil import NEIGHBOURS, Stencil
 
-NUMBERS = NEIGHBOURS, 24, 40  # Neighbours to try: half of the cells within 2, 3 and 4 of the own.
-COARSE_ON_LINE = 24  # Neighbours on coarse levels of a line, for those with more than the fewest.
-CELLS = 2**12  # Cells of the grid of a trial, a square if it can be: it has three levels.
-CELLS_OF_LINE = 2**14  # Cells of a trial on a line, where CELLS have too few aggregates at an edge.
-SPARSE = 0.1  # Share of active cells in the sparse part: with less each is nearly by itself.
-PART = 0.75  # Share of the grid that the sparse part has, so that it has enough unknowns.
-REDUCTION = 1e-8  # Residual over the right-hand side at which a trial ends.
-# Most iterations of a trial. On large grids and any mask there are up to 1.2 times as many, for
-# elements longer than 1:100 up to 1.5 times; 16 are promised. A kernel within half an iteration of
-# this takes 14 to 16, whichever way it falls.
+NUMBERS = NEIGHBOURS, 24, 40  # Numbers to try: half of the cells within the distance 2, 3 and 4.
+COARSE_ON_LINE = 24  # Neighbours on coarse levels of a line if the finest has more than the fewest.
+CELLS = 2**12  # Cells of the trial grid, a square if possible, with three levels.
+CELLS_OF_LINE = 2**14  # Cells of a trial on a line, where CELLS make too few aggregates at an edge.
+SPARSE = 0.1  # Share of active cells in the sparse part; with less, most cells are isolated.
+PART = 0.75  # Share of the grid in the sparse part, so that it has enough unknowns.
+REDUCTION = 1e-8  # Relative residual at which a trial ends.
+# Most iterations of a trial. Large grids with any mask take up to 1.2 times as many, and elements
+# longer than 1:100 up to 1.5 times; 16 are promised. A kernel within half an iteration of this
+# limit takes 14 to 16, whether accepted or not.
 MOST = 13.6
-COARSENED = Options(direct=30)  # So few unknowns are solved for directly that E is coarsened too.
+COARSENED = Options(direct=30)  # So few direct unknowns that E is coarsened too.
 
 
 def select_stencil(kernel: Array) -> Stencil:
-    """Return the stencil with the fewest neighbours that are enough for a kernel of one component.
+    """Return the stencil with the fewest neighbours that suffice for a one-component kernel.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        If 40 are not enough, or the construction fails.
+        If 40 do not suffice, or the construction fails.
     """
     for neighbours in NUMBERS:
         stencil = Stencil.of_one(kernel, neighbours)
@@ -50,8 +50,8 @@ def select_stencil(kernel: Array) -> Stencil:
             return stencil
     raise Refused(
         f"conjugate gradients take more than {MOST} iterations on a trial problem with the sparse "
-        f"approximate inverse of {neighbours} neighbours: too smooth a kernel for it, which a "
-        "number of neighbours that is given takes all the same, in more iterations"
+        f"approximate inverse of {neighbours} neighbours: too smooth a kernel for it; give "
+        "neighbours=… to use it all the same, with more iterations"
     )
 
 
@@ -63,12 +63,12 @@ def choose_stencil(
     Parameters
     ----------
     near : ndarray of shape (n1, n2)
-        The coefficients, or those that are near.
+        The coefficients, or at least the near ones.
     is_line : bool
         Whether the grid has one axis.
     unknowns : int
     is_whole : bool
-        Whether these are all cells of the grid.
+        Whether all cells of the grid are unknowns.
     options : Options
 
     Raises
@@ -77,27 +77,27 @@ def choose_stencil(
         If `select_stencil` does.
     """
     if is_line and is_whole:
-        # This is what `line` builds, which makes use of it that all rows are alike.
+        # The matrix that `line` builds, which exploits that all rows are equal.
         stencil = Stencil(near[None, None], AGGREGATE - 1, AGGREGATE - 1)
         return stencil, replace(options, direct=options.direct_on_line)
     if options.neighbours is not None or unknowns <= options.direct:
-        # What is solved for directly has no G, so that neighbours do not matter.
+        # A direct solve has no G, so the number of neighbours does not matter.
         neighbours = options.neighbours or NEIGHBOURS
     else:
         neighbours = select_stencil(near.reshape(1, -1) if is_line else near).neighbours
     stencil = Stencil.of_one(near, neighbours)
-    if is_line and neighbours > NEIGHBOURS:  # With fewer, coarse levels would be what is left.
+    if is_line and neighbours > NEIGHBOURS:  # Coarse levels would dominate the iterations.
         stencil = replace(stencil, coarse_neighbours=COARSE_ON_LINE)
     return stencil, options
 
 
 def is_enough(stencil: Stencil) -> bool:
-    """Whether a kernel of one component needs no more neighbours than these."""
+    """Whether these neighbours suffice for a one-component kernel."""
     return count_iterations(stencil) <= MOST
 
 
 def count_iterations(stencil: Stencil) -> float:
-    """Return how many iterations a trial takes, with a fraction of the last; inf if too many."""
+    """Return the number of iterations of a trial, with a fraction of the last; inf if too many."""
     kernel = stencil.grid.kernel
     cells = CELLS_OF_LINE if kernel.shape[0] == 1 else CELLS
     rows = min(len(kernel), max(isqrt(cells), cells // kernel.shape[1]))
@@ -105,7 +105,7 @@ def count_iterations(stencil: Stencil) -> float:
     is_sparse = np.arange(1, kernel.shape[1] + 1) <= PART * kernel.shape[1]
     active = np.random.default_rng(1).random(kernel.shape) < np.where(is_sparse, SPARSE, 1.0)
     small = Stencil.of_one(kernel, stencil.neighbours)
-    # A table of rows takes longer than some hundreds of them.
+    # A table of rows takes longer than the few hundred rows themselves.
     matrix = LevelMatrix.of_mask(small, active).without_table()
     P = build(small, matrix, np.dtype(np.float64), COARSENED)
     A = MaskedOperator(ToeplitzOperator(kernel), active)

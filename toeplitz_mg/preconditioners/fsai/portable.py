@@ -1,9 +1,9 @@
-"""A multilevel sparse approximate inverse, built for NumPy's arrays, on those of another library.
+"""A multilevel sparse approximate inverse, built with NumPy, applied to arrays of another library.
 
-The sparse matrices have at most so many entries in each row, and so have their transposes: of each
-row the first entries are a vector, the second ones another, and so on. A product multiplies them
-with the numbers that they see, and needs no sparse matrices of the library. The transpose has no
-entries of its own, but their places, which also say which number they are multiplied with.
+The rows of the sparse matrices have a bounded number of entries, and so have their columns. So a
+matrix is stored as vectors: the first entries of all rows, the second entries, and so on. A product
+gathers the factors and multiplies elementwise, without sparse matrices of the library. The
+transpose stores only the places of its entries, which also determine the factors.
 """
 
 from functools import partial
@@ -19,7 +19,7 @@ from toeplitz_mg.preconditioners.fsai.levels import Direct
 
 
 class EntriesInTurn:
-    """A sparse matrix as vectors of entries, and its transpose as the places of these.
+    """A sparse matrix as vectors of entries, and its transpose as the places of the entries.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class EntriesInTurn:
         self._take, self._n = library.xp.take, max(1, matrix.shape[0])
         places = _places(matrix)
         size = self._n * _most(matrix)
-        # What a row has not, and what a row of the transpose has not, is the zero at the end.
+        # Missing entries of a row, or of a row of the transpose, point to the zero at the end.
         entries, seen = np.zeros(size + 1, matrix.dtype), np.zeros(size, np.int32)
         entries[places], seen[places] = matrix.data, matrix.indices
         self._entries = library.from_numpy(entries)
@@ -61,12 +61,12 @@ class EntriesInTurn:
 
 
 def _most(matrix: csr_array) -> int:
-    """Return how many entries a row has at most."""
+    """Return the largest number of entries in a row."""
     return max(1, int(np.diff(matrix.indptr).max(initial=0)))
 
 
 def _places(matrix: csr_array) -> Array:
-    """Return where each entry is among the first ones of all rows, then the second ones …."""
+    """Return the place of each entry: first entries of all rows, then second entries, …."""
     n, lengths = max(1, matrix.shape[0]), np.diff(matrix.indptr)
     small = np.int32 if n * _most(matrix) < 2**31 else np.int64
     places = np.arange(matrix.nnz, dtype=small)
@@ -92,7 +92,7 @@ class PortableLevel:
 
 
 def bring(library: Any, level: Any) -> Any:
-    """Return what applies a level, and those below it, on arrays of a library."""
+    """Return a function that applies a level, and those below it, to arrays of a library."""
     if not isinstance(level, Direct):
         return PortableLevel(library, level)
     inverse = level(np.eye(len(level.factor), dtype=level.factor.dtype))
@@ -105,7 +105,7 @@ def _multiply(library: Any, matrix: Any, x: Any) -> Any:
 
 
 class PortableSparseInverse(GridOperator):
-    """What `MultilevelSparseInverse` is, on arrays of another library.
+    """`MultilevelSparseInverse` for arrays of another library.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class PortableSparseInverse(GridOperator):
 
 
 def on_library(library: Library, host: Any) -> GridOperator:
-    """Return a preconditioner of this package that was built for NumPy's arrays on others."""
+    """Return a preconditioner, built with NumPy, for arrays of another library."""
     if isinstance(host, BlockDiagonal):
         return BlockDiagonal([on_library(library, b) for b in host.blocks], host.grid_shape)
     return PortableSparseInverse(library, host)

@@ -31,11 +31,11 @@ from toeplitz_mg.preconditioners.fsai.neighbours import choose_stencil
 from toeplitz_mg.preconditioners.fsai.rows import advise
 from toeplitz_mg.values import count
 
-MOST_NEIGHBOURS = 100  # Neighbours of a row of G: it takes 1.6 ms with these, and 40 are enough.
+MOST_NEIGHBOURS = 100  # Most neighbours of a row of G: it takes 1.6 ms, and 40 usually suffice.
 
 
 class MultilevelSparseInverse(GridOperator):
-    """P = Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G ≈ A⁻¹, of `fsai_preconditioner`.
+    """P = Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G ≈ A⁻¹, returned by `fsai_preconditioner`.
 
     Attributes
     ----------
@@ -54,8 +54,8 @@ class MultilevelSparseInverse(GridOperator):
         self.mask.flags.writeable = False
         self.sizes = level.sizes
         self.level = level
-        # Operations are compared. A product with a Toeplitz matrix along d axes, which are those
-        # longer than one, has two real transforms of m = 2^d n points, each 5/2 m log₂ m.
+        # The work by operations: a product with a Toeplitz matrix along d axes longer than one has
+        # two real transforms of m = 2^d n points, each with 5/2 m log₂ m operations.
         m = 2 ** axes_of(lengths) * prod(lengths)
         self.points = 2 * level.multiplications * prod(lengths) / (5 * m * log2(m))
         super().__init__(dtype, mask.shape, self.points / mask.size, level.sizes[0])
@@ -193,7 +193,7 @@ def fsai_preconditioner(
 
 
 def check_neighbours(neighbours: int | None) -> int | None:
-    """Return how many neighbours a row of G has, or raise an error that says what is wrong."""
+    """Return `neighbours` if it is valid; raise an error otherwise."""
     if neighbours is None:
         return None
     neighbours = count("neighbours", neighbours)
@@ -208,7 +208,7 @@ def check_neighbours(neighbours: int | None) -> int | None:
 def fsai_with_options(
     A: LinearOperator, options: Options, dtype: DTypeLike | None = None
 ) -> LinearOperator:
-    """Return `fsai_preconditioner` with other parameters than its own."""
+    """Return `fsai_preconditioner` with these options."""
     joint = coupled_fsai(A, dtype, options)
     return _uncoupled_fsai(A, dtype, options) if joint is None else joint
 
@@ -216,7 +216,7 @@ def fsai_with_options(
 def coupled_fsai(
     A: LinearOperator, dtype: DTypeLike | None = None, options: Options = DEFAULT
 ) -> MultilevelSparseInverse | None:
-    """Return `fsai_preconditioner` of components together, if they are strongly coupled."""
+    """Return `fsai_preconditioner` for all components together if they are strongly coupled."""
     full, mask = unwrap(A)
     if options.neighbours or not isinstance(full, CoupledOperator):
         return None
@@ -233,7 +233,7 @@ def coupled_fsai(
 def _uncoupled_fsai(
     A: LinearOperator, dtype: DTypeLike | None, options: Options
 ) -> MultilevelSparseInverse:
-    """Return `fsai_preconditioner` of each component by itself."""
+    """Return `fsai_preconditioner` for each component separately."""
     full, mask = unwrap_toeplitz(A)
     squeezed = full.squeezed
     if len(squeezed.grid_shape) > 2:

@@ -1,4 +1,4 @@
-"""Rows of the factor G, by patterns of active neighbours or one by one, and what refuses them."""
+"""Rows of the factor G, by patterns of active neighbours or one by one, and their refusal."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,16 +9,16 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.preconditioners.fsai.cellgrid import CellGrid
 
-CHUNK = 2048  # Blocks that are treated together: their arrays of some 100 doubles stay in cache.
+CHUNK = 2048  # Blocks treated together: their arrays of some 100 doubles stay in the cache.
 
 
 class Refused(np.linalg.LinAlgError):
-    """A matrix has no sparse approximate inverse: why, without what to take in its place."""
+    """A matrix has no sparse approximate inverse; the message gives the reason, without advice."""
 
 
 @contextmanager
 def advise(advice: str) -> Iterator[None]:
-    """Say in the error of a matrix that is refused what to take in its place."""
+    """Add advice to the error of a refused matrix."""
     try:
         yield
     except Refused as error:
@@ -26,13 +26,13 @@ def advise(advice: str) -> Iterator[None]:
 
 
 def require_positive(subject: str, value: float) -> None:
-    """Refuse a kernel for which a number that must be positive is not."""
+    """Raise the error of `refusal` if a number is not positive."""
     if not value > 0.0:
         raise refusal(subject, value)
 
 
 def refusal(subject: str, value: float) -> Refused:
-    """Return the error for a kernel for which a number that must be positive is not."""
+    """Return the error for a kernel with a number that must be positive but is not."""
     return Refused(
         f"{subject} {value:.3g} in the sparse approximate inverse, but must be positive: A is not "
         "positive definite, or too smooth a kernel for it"
@@ -40,12 +40,12 @@ def refusal(subject: str, value: float) -> Refused:
 
 
 class Neighbourhood(NamedTuple):
-    """The matrix of the cells on which a row of G is supported, its own the first.
+    """The matrix of the cells in a row of G, with the row's own cell first.
 
     Attributes
     ----------
     local : ndarray of shape (K, K)
-        A, less τ within a component.
+        A, minus τ within a component.
     zero : ndarray of shape (K,)
         The diagonal of A.
     """
@@ -55,10 +55,9 @@ class Neighbourhood(NamedTuple):
 
 
 def tabulate_rows(near: Neighbourhood) -> Array:
-    """Return the rows of G for every pattern of active neighbours, columns of shape (K,).
+    """Return the rows of G for every pattern of active neighbours, as columns of shape (K,).
 
-    The farthest neighbours are eliminated first, from all patterns that have the same ones among
-    them together.
+    The farthest neighbours are eliminated first, once for all patterns that share them.
     """
     S = near.local[:, :, None]
     eliminated = []
@@ -85,20 +84,19 @@ def solve_rows(near: Neighbourhood, c: Array, d: Array) -> Array:
     ----------
     near : Neighbourhood
     c, d : ndarray of shape (K, m)
-        The weights and the diagonal of a cell and its neighbours; 0 and 1 where one is not active.
+        The weights and the diagonal of a cell and its neighbours; 0 and 1 for inactive ones.
 
     Returns
     -------
     ndarray of shape (K, m)
-        S⁻¹ e / √(eᵀ S⁻¹ e), with S the matrix of these cells and e the unit vector of the first;
-        zero where a neighbour is not active.
+        S⁻¹ e / √(eᵀ S⁻¹ e), where S is the matrix of these cells and e the unit vector of the
+        first; zero for an inactive neighbour.
     """
-    # All systems are solved together, entry by entry, which is much faster than LAPACK one by one.
-    # With C = diag(c) the matrix C⁻¹ S C⁻¹ is factorised, which is the kernel's but for its
-    # diagonal; that is infinite where a cell is not active. The first row and column are left as
-    # they are.
+    # All systems are solved together, entry by entry, much faster than one by one with LAPACK. With
+    # C = diag(c), C⁻¹ S C⁻¹ is factorised: the kernel's matrix except for its diagonal, which is
+    # infinite for an inactive cell. The first row and column are not scaled.
     K = len(c)
-    S = np.empty((K, *c.shape))  # On and below the diagonal is C⁻¹ S C⁻¹, above it the factors.
+    S = np.empty((K, *c.shape))  # C⁻¹ S C⁻¹ on and below the diagonal, the factors above.
     absent = c == 0.0
     divisor = c + absent
     added = d / divisor**2 - near.zero[:, None]
@@ -123,7 +121,7 @@ def solve_rows(near: Neighbourhood, c: Array, d: Array) -> Array:
 
 
 def add_loads(grid: CellGrid, rows: Array, index: Array, w: Array) -> Array:
-    """Return the loads Gᵀ w of blocks, on their windows, shape (window, m).
+    """Return the loads Gᵀ w of blocks on their windows, of shape (window, m).
 
     Parameters
     ----------
@@ -131,9 +129,9 @@ def add_loads(grid: CellGrid, rows: Array, index: Array, w: Array) -> Array:
     rows : ndarray of shape (K, any)
         Rows of G, as columns.
     index : ndarray of int, shape (h1 h2, m)
-        For each cell of the blocks the place of its row.
+        The index of the row for each cell of the blocks.
     w : ndarray of shape (h1 h2, m)
-        Zero in cells that are not active.
+        Zero in inactive cells.
     """
     (h1, h2), (p1, p2) = grid.block, grid.reach
     loads = np.zeros((*grid.window_shape, w.shape[1]))
