@@ -24,9 +24,9 @@ for force in (0.03, 0.06, 0.1, 0.13, 0.2):
     print(f"{100 * pressed.contact_fraction:6.1f} % {pressed.products:4d} products")
 
 # %%
-# What is left open. Blue is the gap that remains, white is contact.
-fig, axes = plt.subplots(1, 3, figsize=(13, 3.6), layout="compressed")
-for ax, pressed in zip(axes, (found[0], found[1], found[3]), strict=True):
-    pressed.plot("gap", ax=ax)
-    ax.set_title(f"{100 * pressed.contact_fraction:.1f} % in contact")
+# What is left open: blue is the gap that remains, white is contact.
+ax = found[1].plot("gap")
+ax.set_title(f"{100 * found[1].contact_fraction:.0f} % in contact")
+ax = found[3].plot("gap")
+ax.set_title(f"{100 * found[3].contact_fraction:.1f} % in contact")
 plt.show()

@@ -29,8 +29,8 @@ makers = {
 
 # %%
 # The eigenvalues of M A are those of the pencil (A, M⁻¹).
-fig, axes = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained", sharey=True)
-for ax, (title, A) in zip(axes, {"square": full, "random half": half}.items(), strict=True):
+for title, A in {"square": full, "random half": half}.items():
+    fig, ax = plt.subplots(layout="constrained")
     dense = A @ np.eye(A.shape[0])
     for row, (name, make) in enumerate(makers.items()):
         M = np.eye(len(dense)) if make is None else make(A) @ np.eye(len(dense))
@@ -38,6 +38,6 @@ for ax, (title, A) in zip(axes, {"square": full, "random half": half}.items(), s
         values /= np.median(values)
         ax.semilogx(values, np.full(len(values), row), "|", ms=14)
         print(f"{title:12s} {name:8s} largest over smallest {values[-1] / values[0]:9.1f}")
-    ax.set(title=title, xlabel="eigenvalue / median", yticks=range(len(makers)))
+    ax.set(title=title, xlabel="eigenvalue / median [–]", yticks=range(len(makers)))
     ax.set_yticklabels(makers)
 plt.show()

@@ -41,7 +41,8 @@ for make in (tapered_preconditioner, tmg.chan_preconditioner, tmg.default_precon
     residuals = []
     x, info = tmg.cg(ring, b, M=make(ring), rtol=1e-10, residuals=residuals)
     print(f"{make.__name__:24s}{len(residuals) - 1:4d} iterations")
-    ax.semilogy(np.array(residuals) / np.linalg.norm(b), "o-", ms=4, label=make.__name__)
-ax.set(xlabel="iteration", ylabel="residual / right-hand side")
+    name = make.__name__.removesuffix("_preconditioner")
+    ax.semilogy(np.array(residuals) / np.linalg.norm(b), "o-", lw=2, ms=5, label=name)
+ax.set(xlabel="iteration", ylabel="relative residual [–]")
 ax.legend()
 plt.show()

@@ -44,8 +44,8 @@ for load, pressed in zip(loads, curve, strict=True):
 # agree.
 fig, ax = plt.subplots(layout="constrained")
 theory = np.geomspace(0.01, 2.0, 100)
-ax.loglog(theory, erf(np.sqrt(2) * theory), "-", label="Persson")
+ax.loglog(theory, erf(np.sqrt(2) * theory), "-", lw=2, label="Persson")
 ax.loglog(loads / slope, shares, "o", label="computed")
-ax.set(xlabel="mean pressure / (E* × rms slope)", ylabel="share of the area in contact")
+ax.set(xlabel="mean pressure / (E* h′) [–]", ylabel="share in contact [–]")
 ax.legend()
 plt.show()

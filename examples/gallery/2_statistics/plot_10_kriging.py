@@ -29,12 +29,19 @@ draws = np.stack([given.rvs(random_state=k) for k in range(4)])
 error = np.sqrt(np.mean((given.mean - field)[~observed] ** 2))
 print(f"{(~observed).sum()} missing of {n * n}; rms error there {error:.3f}, rms of the field 1.00")
 
+
 # %%
-fig, axes = plt.subplots(1, 4, figsize=(11, 3), layout="compressed", sharex=True, sharey=True)
-titles = ("seen", "mean", "a draw", "the truth")
-for ax, values, title in zip(axes, (seen, given.mean, draws[0], field), titles, strict=True):
-    image = ax.imshow(values.T, origin="lower", cmap="viridis", vmin=-2.5, vmax=2.5)
-    ax.set(title=title, xlabel="first axis")
-axes[0].set_ylabel("second axis")
-fig.colorbar(image, cax=axes[-1].inset_axes((1.05, 0.0, 0.05, 1.0)), label="value")
+def draw_pair(**pictures):
+    """Draw two fields beside each other."""
+    axes = plt.subplots(1, 2, layout="compressed")[1]
+    for ax, (title, values) in zip(axes, pictures.items(), strict=True):
+        ax.imshow(values.T, origin="lower", cmap="viridis", vmin=-2.5, vmax=2.5)
+        ax.set(title=title, xticks=[], yticks=[])
+
+
+draw_pair(seen=seen, mean=given.mean)
+
+# %%
+# A draw is as rough as the truth, of which it keeps what was seen.
+draw_pair(draw=draws[0], truth=field)
 plt.show()

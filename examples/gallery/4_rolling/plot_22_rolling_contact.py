@@ -20,21 +20,21 @@ mu, R, a, n = 0.3, 500.0, 4.0, 300
 steel = contact.Material(E=210000.0, nu=0.28)
 x, h = contact.surfaces.centres(n, 10.0 / n)[0], 10.0 / n
 pressure = steel.E_star / (4 * R) * np.sqrt(np.maximum(a**2 - x**2, 0.0))
-full = mu * a / R  # The creepage from which all of it slips.
+full = mu * a / R  # The creepage ξ₀ from which all of it slips.
 fig, ax = plt.subplots(layout="constrained")
 ax.plot(x, mu * pressure, "k--", label="μ p")
 for share in (0.2, 0.5, 0.8):
     rolled = contact.rolling(
         bound=mu * pressure, element=h, material=steel, longitudinal=-share * full
     )
-    ax.plot(x, rolled.traction.ravel(), label=f"{share} of full creepage")
+    ax.plot(x, rolled.traction.ravel(), lw=2, label=f"{share} ξ₀")
     force = float(np.ravel(rolled.force)[0]) / (mu * pressure.sum() * h)
     sticks = rolled.stick.sum() / rolled.contact.sum()
     print(
         f"{share}: force {force:.4f}, Carter {1 - (1 - share) ** 2:.4f}; "
         f"sticks {sticks:.3f}, Carter {1 - share:.3f}"
     )
-ax.set(xlabel="x, the direction of rolling [mm]", ylabel="traction [N/mm²]", ylim=(0, 190))
+ax.set(xlabel="x [mm], rolling to the right", ylabel="traction [N/mm²]", ylim=(0, 215))
 ax.legend(ncols=2, loc="upper center")
 
 # %%
@@ -61,7 +61,7 @@ for count in (10, 40, 160):
     state = on_the_way[count - 1]
     ax.plot(places, state.traction, label=f"rolled {count * width:g} mm")
     print(f"rolled {count * width:4.1f} mm: creepage {1e3 * float(state.creepages):.4f} per mille")
-ax.set(xlabel="x, the direction of rolling [mm]", ylabel="traction [N/mm²]", ylim=(0, 190))
+ax.set(xlabel="x [mm], rolling to the right", ylabel="traction [N/mm²]", ylim=(0, 215))
 ax.legend(ncols=2, loc="upper center")
 
 # %%
@@ -75,9 +75,8 @@ pressed = contact.normal_contact(gap, element, material=steel, force=100.0)
 radius = np.sqrt(pressed.area / np.pi)
 driven = [share * mu * radius / 50.0 for share in (0.3, 0.7)]
 few = [contact.rolling(pressed, mu=mu, longitudinal=-x) for x in driven]
-fig, axes = plt.subplots(1, 2, figsize=(10, 4), layout="compressed")
-for ax, rolled in zip(axes, few, strict=True):
-    rolled.plot(ax)
+for rolled in few:
+    rolled.plot()
 
 # %%
 # Kalker's linear theory

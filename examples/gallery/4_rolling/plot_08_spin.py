@@ -21,9 +21,11 @@ print(rolled)
 print(f"force along {rolled.force[0]:.3f} N, across {rolled.force[1]:.3f} N")
 
 # %%
-# Arrows of the traction over its size, where the wheel sticks in blue and where it slips in orange;
-# beside it the slip itself, over the distance rolled. Rolling is towards +x.
-fig, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.2), layout="compressed")
-rolled.plot(ax=left)
-rolled.plot("slip", ax=right)
+# Arrows of the traction over its size, where the wheel sticks in blue and where it slips in orange.
+# Rolling is towards +x.
+rolled.plot()
+
+# %%
+# The slip itself, over the distance rolled.
+rolled.plot("slip")
 plt.show()

@@ -33,12 +33,15 @@ for name, ours, exact in (
     print(f"{name:26s}{ours:12.6g}{exact:12.6g}")
 
 # %%
-# The pressures along the middle, and the picture of all of them.
-fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="compressed")
+# The pressures along the middle.
+fig, ax = plt.subplots(layout="constrained")
 r = np.linspace(-0.45, 0.45, 500)
-left.plot(r, p0 * np.sqrt(np.maximum(1 - (r / a) ** 2, 0)), label="Hertz")
-left.plot(pressed.x.ravel(), pressed.pressure[:, n // 2], ".", label="computed")
-left.set(xlabel="x [mm]", ylabel="pressure [N/mm²]")
-left.legend()
-pressed.plot(right)
+ax.plot(r, p0 * np.sqrt(np.maximum(1 - (r / a) ** 2, 0)), lw=2, label="Hertz")
+ax.plot(pressed.x[::3], pressed.pressure[::3, n // 2], "o", label="computed")
+ax.set(xlabel="x [mm]", ylabel="pressure [N/mm²]", ylim=(0, 1.35 * p0))
+ax.legend(ncols=2, loc="upper center")
+
+# %%
+# All of them.
+pressed.plot()
 plt.show()

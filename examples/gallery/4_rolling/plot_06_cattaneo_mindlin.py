@@ -34,10 +34,14 @@ print(f"largest traction across over along the pull: {across:.3f}")
 # %%
 # The tractions along the middle: the sum of two semi-ellipses.
 x = pressed.x.ravel()
-fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="compressed")
-left.plot(x, mu * pressed.pressure[:, n // 2], label="μ p")
-left.plot(x, shifted.traction[0][:, n // 2], label="traction")
-left.set(xlabel="x [mm]", ylabel="traction [N/mm²]")
-left.legend()
-shifted.plot(right)
+fig, ax = plt.subplots(layout="constrained")
+ax.plot(x, mu * pressed.pressure[:, n // 2], "--", lw=2, label="μ p")
+ax.plot(x, shifted.traction[0][:, n // 2], lw=2, label="traction")
+ax.set(xlabel="x [mm]", ylabel="traction [N/mm²]")
+ax.legend()
+
+# %%
+# Where the bodies stick (blue), and where they slip.
+shifted.plot()
+# sphinx_gallery_thumbnail_number = 2
 plt.show()

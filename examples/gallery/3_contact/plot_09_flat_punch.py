@@ -37,13 +37,14 @@ print(f"force {2 * force:.4f}, of the limit 5.36516")
 
 # %%
 qx, qy = q.reshape(2, n, n)
-fig, axes = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="compressed")
-for ax, field, name in zip(axes, (qx, qy), "xy", strict=True):
+for field, name in ((qx, "x"), (qy, "y")):
+    fig, ax = plt.subplots(layout="compressed")
     most = np.quantile(abs(field), 0.98)
     image = ax.imshow(
         field.T, origin="lower", extent=(-1, 1, -1, 1), cmap="PuOr", vmin=-most, vmax=most
     )
     bar = ax.inset_axes((1.04, 0.0, 0.05, 1.0))
-    fig.colorbar(image, cax=bar, extend="both", label=f"traction along {name}, over G")
-    ax.set(xlabel="x", ylabel="y")
+    fig.colorbar(image, cax=bar, extend="both", label="traction / G [–]")
+    ax.set(xlabel="x [mm]", ylabel="y [mm]", title=f"Traction along {name}")
+# sphinx_gallery_thumbnail_number = 2
 plt.show()

@@ -39,8 +39,8 @@ theta = np.pi * (np.arange(n) + 0.5) / n
 symbol = c[0] + 2 * (c[1:, None] * np.cos(np.outer(np.arange(1, n), theta))).sum(axis=0)
 eigenvalues = np.linalg.eigvalsh(scipy.linalg.toeplitz(c))
 fig, ax = plt.subplots(layout="constrained")
-ax.semilogy(np.sort(symbol), label="samples of the symbol, sorted")
-ax.semilogy(eigenvalues, "--", label="eigenvalues")
+ax.semilogy(np.sort(symbol), lw=4, label="symbol, sorted")
+ax.semilogy(eigenvalues, "--", lw=2, label="eigenvalues")
 ax.set(xlabel="index", ylabel="value")
 ax.legend()
 

@@ -51,7 +51,7 @@ for share in (0.1, 0.3, 0.6, 0.9, 1.05):
 # Many wavelengths
 # ----------------
 # A self-affine surface has a power spectrum that falls with the wavenumber to the power -2 - 2H.
-# Each shorter wave adds more slope than height: what decides is the root mean square slope.
+# Each shorter wave adds more slope than height: what decides is the root mean square slope h′.
 rough = contact.surfaces.rough(
     (n, n), element, rms=2e-3, hurst=0.8, longest=0.5, shortest=8 * element[0], seed=3
 )
@@ -79,14 +79,14 @@ for load, pressed in zip(relative, found, strict=True):
 # Where it touches
 # ----------------
 # Spots grow, and join. Within each the pressures are as under a small, uneven sphere.
-fig, axes = plt.subplots(1, 3, figsize=(10, 3.4), layout="compressed")
-for ax, pressed in zip(axes, found[::2], strict=True):
+for pressed in found[2::2]:
+    fig, ax = plt.subplots(layout="compressed")
     shown = np.where(pressed.contact, pressed.pressure / slope, np.nan)
     image = ax.imshow(shown.T, origin="lower", extent=(0, 2, 0, 2), cmap="YlOrRd", vmin=0, vmax=1)
-    ax.set(title=f"{100 * pressed.contact_fraction:.1f} % in contact", xlabel="x [mm]")
-axes[0].set_ylabel("y [mm]")
-bar = axes[-1].inset_axes((1.05, 0.0, 0.05, 1.0))
-fig.colorbar(image, cax=bar, extend="max", label="pressure / (E* × slope)")
+    ax.set(title=f"{100 * pressed.contact_fraction:.0f} % in contact")
+    ax.set(xlabel="x [mm]", ylabel="y [mm]")
+    bar = ax.inset_axes((1.05, 0.0, 0.05, 1.0))
+    fig.colorbar(image, cax=bar, extend="max", label="pressure / (E* h′) [–]")
 
 # %%
 # Pressures
@@ -97,7 +97,7 @@ fig, ax = plt.subplots(layout="constrained")
 for load, pressed in zip(relative[1::2], found[1::2], strict=True):
     p = pressed.pressure[pressed.contact] / slope
     ax.hist(p, bins=40, density=True, histtype="step", label=f"load {load:.2f}")
-ax.set(xlabel="pressure / (E* × slope)", ylabel="density")
+ax.set(xlabel="pressure / (E* h′) [–]", ylabel="density [–]")
 ax.legend()
 
 # %%

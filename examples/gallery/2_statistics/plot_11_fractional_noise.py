@@ -31,9 +31,14 @@ for found in (first, fit):
 around = H + np.array([-0.002, -0.001, 0.0, 0.001, 0.002])
 covariances = [fit.covariance.with_theta([fit.params["variance"], each]) for each in around]
 values = np.array([tmg.ToeplitzNormal(k(n)).logpdf(y) for k in covariances])
-fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.4), layout="constrained")
-left.plot(y[:1500], lw=0.6)
-left.set(xlabel="time", title="The record, its beginning")
-right.plot(around, values - fit.loglikelihood, "o-")
-right.set(xlabel="H", ylabel="log-likelihood, less its largest", title="The likelihood")
+fig, ax = plt.subplots(layout="constrained")
+ax.plot(around, values - fit.loglikelihood, "o-", lw=2, ms=8)
+ax.set(xlabel="Hurst exponent H [–]", ylabel="log-likelihood", title="A million values")
+ax.locator_params(axis="x", nbins=4)
+
+# %%
+# The beginning of the record.
+fig, ax = plt.subplots(layout="constrained")
+ax.plot(y[:1500], lw=0.6)
+ax.set(xlabel="time", ylabel="value")
 plt.show()
