@@ -2,11 +2,16 @@
 
 import importlib
 import inspect
+import itertools
 import sys
+import types
 import zlib
 from pathlib import Path
 
+import matplotlib.pyplot as plt
+import sphinx.ext.autosummary
 from sphinx.ext.autodoc.mock import mock as autosummary_mock
+from sphinx.pycode import ModuleAnalyzer
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent))
@@ -37,6 +42,7 @@ autosummary_generate = True
 autodoc_mock_imports = ["mpi4py"]  # It is an extra, and needs an MPI.
 autodoc_typehints = "none"  # The docstrings say the types, with shapes and units.
 templates_path = ["_templates"]
+default_role = "literal"  # Docstrings write names and code as in `A @ x`.
 numpydoc_show_class_members = False  # The template of a class lists them.
 numpydoc_xref_param_type = False
 
@@ -103,7 +109,31 @@ def write_api():
         (folder / "index.rst").write_text(text)
 
 
+def find_summary(doc, _):
+    """Return the first paragraph of a docstring: a sentence, in which "Eq. 5" ends nothing."""
+    lines = iter(line.strip() for line in doc)
+    first = next((line for line in lines if line), "")
+    return " ".join([first, *itertools.takewhile(bool, lines)])
+
+
+def describe_data(app, what, name, value, options, lines):
+    """Put what stands below a value in its module in the place of the docstring of its class."""
+    if isinstance(value, types.UnionType):
+        lines[:] = [
+            " or ".join(f":obj:`toeplitz_mg.contact.{kind.__name__}`" for kind in value.__args__)
+        ]
+    elif what == "data":
+        found = ModuleAnalyzer.for_module(type(value).__module__).find_attr_docs()
+        lines[:] = found.get(("", name.rpartition(".")[2]), lines)
+
+
+def setup(app):
+    """Connect what changes docstrings."""
+    app.connect("autodoc-process-docstring", describe_data)
+
+
 write_api()
+sphinx.ext.autosummary.extract_summary = find_summary
 
 # Markdown ------------------------------------------------------------------------------------
 myst_enable_extensions = ["colon_fence", "dollarmath"]
@@ -130,7 +160,15 @@ def write_inventory(name):
 
 intersphinx_mapping = {name: (url, write_inventory(name)) for name, url in ADDRESSES.items()}
 
+
 # Gallery -------------------------------------------------------------------------------------
+def set_sizes(_, __):
+    """Draw small pictures with large letters, which are read in thumbnails and on phones too."""
+    plt.rcParams.update({"figure.figsize": (4.8, 3.6), "font.size": 13, "figure.dpi": 100})
+    plt.rcParams.update({"axes.titlesize": 13, "legend.fontsize": 11})
+
+
+suppress_warnings = ["config.cache"]  # The function above is not pickled.
 sphinx_gallery_conf = {
     "examples_dirs": "../examples/gallery",
     "gallery_dirs": "gallery",
@@ -142,6 +180,10 @@ sphinx_gallery_conf = {
     "write_computation_times": False,  # Its table needs a network.
     "show_memory": False,
     "show_signature": False,
+    "capture_repr": (),
+    "reset_modules": ("matplotlib", set_sizes),
+    "image_srcset": ["2x"],
+    "thumbnail_size": (480, 360),
     "image_scrapers": ("matplotlib",),
 }
 
@@ -154,7 +196,7 @@ html_css_files = ["narrow.css"]
 html_theme_options = {
     "navbar_end": ["theme-switcher"],
     "navbar_persistent": ["search-button"],
-    "secondary_sidebar_items": ["page-toc"],
+    "secondary_sidebar_items": {"**": ["page-toc"], "gallery/index": []},
     "footer_start": ["copyright"],
     "footer_end": [],
     "show_prev_next": True,

@@ -115,7 +115,7 @@ def test_every_page_is_in_the_contents_of_the_site():
         (page.parent / f"{name}.md").resolve()
         for page in PAGES
         for block in re.findall(r"```{toctree}\n(.*?)```", page.read_text(), re.DOTALL)
-        for name in re.findall(r"^[\w/]+$", block, re.MULTILINE)
+        for name in re.findall(r"^(?:.* <)?([\w/]+)>?$", block, re.MULTILINE)
     }
     missing = {page.resolve() for page in PAGES} - found - {README, ROOT / "docs" / "index.md"}
     assert not missing, "name it in docs/guide.md"
