@@ -191,7 +191,7 @@ def test_a_load_curve_has_the_exponent_of_hertz_and_steps_their_creepages():
     )
     refuses(ValueError, "a load curve has no tangential forces", curve.plot, friction=1.0)
     ax = ROLL(longitudinal=0.0, force=(0.01, 0.0)).plot(figure.add_subplot())
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("distance [mm]", "creepage")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("distance [mm]", "creepage [–]")
     assert_allclose(ax.lines[0].get_xdata(), H * np.arange(1, 4))
 
 

@@ -79,9 +79,10 @@ class Curve(Result):
         values, unit = columns[over]
         for name in drawn:
             ax.plot(values, columns[name][0], "o-", label=name.replace("force_", "along "))
-        up = "creepage" if drawn[0] in CREEPAGES else f"force [{columns[drawn[0]][1]}]"
-        ax.set(ylabel=up if friction is None else "-F/(μ P)")
-        ax.set(xlabel=f"{over} creepage" if unit == "1" else f"{over} [{unit}]")
+        up = "creepage" if drawn[0] in CREEPAGES else "force" if friction is None else "-F/(μ P)"
+        pictures.label_axis(ax.yaxis, up, columns[drawn[0]][1])
+        largest = float(np.abs(values).max(initial=0.0))
+        pictures.label_axis(ax.xaxis, over + " creepage" * (unit == "1"), unit, largest)
         ax.ticklabel_format(axis="x", scilimits=(-2, 3))
         ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         ax.legend()

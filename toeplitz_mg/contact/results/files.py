@@ -298,7 +298,7 @@ def _list_parts(result: Any) -> dict[str, Any]:
 
 def _split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
     """Return the arrays of a result by their names, and its other values but its parts."""
-    if "contact" in vars(result):
+    if "shape" in vars(result):
         require_whole(result)
     arrays: dict[str, Array] = dict(zip("xy", vars(result).get("centres", ()), strict=False))
     values: dict[str, Any] = {}
