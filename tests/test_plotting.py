@@ -18,6 +18,7 @@ from tests.test_result import (
     ROLLED_LINE,
     SHIFTED,
     SHIFTED_LINE,
+    press,
 )
 from toeplitz_mg.contact import friction, normal_contact, subsurface_stresses, surfaces
 
@@ -139,7 +140,9 @@ def test_nothing_is_outlined_nor_has_arrows_in_spots():
     contact = np.random.default_rng(0).random((48, 32)) < 0.1
     bodies = {"element": PRESSED.element, "material": PRESSED.material, "shift": (0.1, 0.0)}
     spots = friction(bound=np.where(contact, 1.0, 0.0), **bodies)
-    for result in (spots, replace(PRESSED, contact=contact)):
+    gap = np.where(contact, 0.0, np.inf)
+    pressed = normal_contact(gap, PRESSED.element, material=PRESSED.material, force=0.1)
+    for result in (spots, pressed):
         assert not draw(result).collections
 
 
@@ -191,7 +194,9 @@ def test_no_label_is_cut_off_or_covers_another(result, size):
 def test_a_few_peaks_do_not_decide_the_colours():
     pressure = PRESSED.pressure.copy()
     pressure[24, 16] *= 100.0
-    ax = draw(replace(PRESSED, pressure=pressure))
+    area, work = np.prod(PRESSED.element), 0.5 * pressure * PRESSED.displacement
+    sums = {"force": area * pressure.sum(), "energy": area * work.sum()}
+    ax = draw(replace(PRESSED, pressure=pressure, max_pressure=pressure.max(), **sums))
     assert ax.get_images()[0].norm.vmax < 2.0 * PRESSED.max_pressure
     (bar,) = ax.child_axes
     assert bar._colorbar.extend == "max"
@@ -200,9 +205,7 @@ def test_a_few_peaks_do_not_decide_the_colours():
 
 @pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
 def test_nothing_in_contact_is_drawn_too():
-    apart = replace(
-        PRESSED, contact=np.zeros((48, 32), bool), pressure=np.zeros((48, 32)), area=0.0
-    )
+    apart = press(0.0)
     for field in FIELDS["NormalResult"]:
         render(draw(apart, field))
     bound = np.zeros((48, 32))

@@ -21,7 +21,6 @@ from toeplitz_mg.contact import (
     frictional_contact,
     normal_contact,
     rolling,
-    rolling_steps,
     subsurface_stresses,
     surfaces,
 )
@@ -332,41 +331,39 @@ def test_one_product_is_one():
     assert "solved by         2 products, violation 1.0e-09\n" in several + "\n"
 
 
-@pytest.mark.parametrize(("small", "shown"), [(1e-7, "1e-07"), (1e-9, "0")])
+@pytest.mark.parametrize(("small", "shown"), [(1e-9, "1e-09"), (1e-11, "0")])
 def test_only_what_is_rounding_beside_the_largest_is_shown_as_zero(small, shown):
-    forces = replace(SHIFTED, force=np.array([1.0, small]))
-    assert f"force             (1, {shown}) N\n" in forces.summary()
+    shifted = friction(PRESSED, mu=0.3, force=(0.01, small))
+    assert f"force             (0.01, {shown}) N\n" in shifted.summary()
 
 
 # As input ---------------------------------------------------------------------------------------
 
 
-def with_a_value(result, name, value):
-    field = getattr(result, name).copy()
-    field[..., 24, 16] = value  # In the middle of the contact.
-    return replace(result, **{name: field})
+def test_what_contradicts_the_fields_is_refused():
+    """No copy has a wrong number: what follows from the fields does, or is refused by name."""
+    for result, changes in (
+        (PRESSED, {"pressure": 2.0 * PRESSED.pressure, "area": 0.0, "gap": PRESSED.gap + np.inf}),
+        (PRESSED, {"force": 1.0, "approach": np.nan, "energy": "a", "shape": (32, 48)}),
+        (PRESSED, {"touches_edge": True, "max_pressure": 1.0, "contact": ~PRESSED.contact}),
+        (SHIFTED, {"stick_area": 0.1, "moment": 1.0, "slip": -SHIFTED.slip, "stick": np.ones(3)}),
+        (ROLLED, {"shift": 1.0, "creepages": 1j, "bound": -ROLLED.bound, "periodic": (1, 0)}),
+        (BOTH, {"tangential": SHIFTED, "normal": None, "residuals": (), "before": 1}),
+        (CURVE, {"stick_share": 2.0 + CURVE.stick_share, "moment": 1.0, "force": CURVE.power}),
+        (STRESSES, {"body": "third", "depths": -STRESSES.depths, "components": np.zeros(6)}),
+    ):
+        for name, value in changes.items():
+            with pytest.raises((ValueError, TypeError), match=name if name != "slip" else "power"):
+                replace(result, **{name: value})
+    for value in (np.nan, np.inf, -1.0):
+        pressure = PRESSED.pressure.copy()
+        pressure[24, 16] = value
+        with pytest.raises(ValueError, match="pressure"):
+            replace(PRESSED, pressure=pressure)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-@pytest.mark.parametrize(
-    "use",
-    [
-        lambda wrong: friction(wrong, mu=0.3, force=(0.01, 0.0)),
-        lambda wrong: rolling(wrong, mu=0.3, longitudinal=1e-3),
-        lambda wrong: next(rolling_steps(wrong, mu=0.3, longitudinal=1e-3, steps=2)),
-        lambda wrong: press(0.11, previous=wrong),
-        lambda wrong: subsurface_stresses(wrong, depths=[0.1]),
-    ],
-)
-def test_a_pressure_that_is_no_number_is_refused(use, value):
-    """It is checked as an array is: no NaN is taken for zero."""
-    with pytest.raises(ValueError, match=f"has the traction {value}, but tractions must be finite"):
-        use(with_a_value(PRESSED, "pressure", value))
-
-
-def test_a_negative_pressure_and_a_history_that_is_no_number_are_refused():
-    with pytest.raises(ValueError, match="but a traction bound is at least zero"):
-        friction(with_a_value(PRESSED, "pressure", -1.0), mu=0.3, force=(0.01, 0.0))
-    wrong = with_a_value(SHIFTED, "traction", np.nan)
-    with pytest.raises(ValueError, match="previous has the traction nan"):
-        friction(PRESSED, mu=0.3, shift=(1e-5, 0.0), previous=wrong)
+def test_a_stiffness_is_of_its_own_bodies_and_pressures():
+    k = PRESSED.stiffness
+    assert replace(PRESSED, warnings=("a",)).stiffness == k
+    assert replace(PRESSED, periodic=(True, True)).stiffness is None
+    assert replace(PRESSED, material=press_unlike(SPHERE, 0.1).normal.material).stiffness is None

@@ -215,12 +215,13 @@ def run(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
         return 1, {"converged": False, "message": str(error)}
     seconds = perf_counter() - start
     if options.output is not None:  # First, so that it does not depend on what can be printed.
-        files.save_fields(options.output, fields(results))
+        files.save_fields(options.output, fields(results), overwrite=bool(options.overwrite))
     _print_report(case, results, seconds)
     if options.output is not None:
         print(f"written to {options.output}")
     if options.plot is not None:
-        files.plot_contact(options.plot, options.dpi, case.title, results)
+        over = bool(options.overwrite)
+        files.plot_contact(options.plot, options.dpi, case.title, results, overwrite=over)
         print(f"drawn in {options.plot}")
     return 0, {"converged": True, "seconds": seconds} | _figures(case, results)
 

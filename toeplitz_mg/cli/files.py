@@ -97,31 +97,38 @@ def check_plotting(path: Path) -> None:
         raise ValueError(f"{path} does not end in one of .{', .'.join(sorted(kinds))}")
 
 
-def save(path: Path, array: Array) -> None:
+def save(path: Path, array: Array, *, overwrite: bool) -> None:
     """Write an array to a ``.npy`` file, or a table to a text file."""
     data = io.BytesIO()
     if path.suffix.lower() in TEXT:
         np.savetxt(data, array, fmt="%.17g", delimiter=",")
     else:
         np.save(data, array)
-    write(path, data.getvalue())
+    write(path, data.getvalue(), overwrite=overwrite)
 
 
-def save_fields(path: Path, fields: Mapping[str, Any]) -> None:
+def save_fields(path: Path, fields: Mapping[str, Any], *, overwrite: bool) -> None:
     """Write arrays by their names to a ``.npz`` file."""
     data = io.BytesIO()
     np.savez(data, **fields)
-    write(path, data.getvalue())
+    write(path, data.getvalue(), overwrite=overwrite)
 
 
-def save_figure(path: Path, figure: Any, dpi: float) -> None:
+def save_figure(path: Path, figure: Any, dpi: float, *, overwrite: bool = True) -> None:
     """Write a figure of matplotlib, in the format that the name ends in; `dpi` are dots an inch."""
     data = io.BytesIO()
     figure.savefig(data, format=path.suffix.lower().removeprefix("."), dpi=dpi)
-    write(path, data.getvalue())
+    write(path, data.getvalue(), overwrite=overwrite)
 
 
-def plot_contact(path: Path, dpi: int, title: str, results: Mapping[str, ContactResult]) -> None:
+def plot_contact(
+    path: Path,
+    dpi: int,
+    title: str,
+    results: Mapping[str, ContactResult],
+    *,
+    overwrite: bool,
+) -> None:
     """Draw the tractions of contact problems beside each other, by their titles."""
     import matplotlib.figure
 
@@ -131,7 +138,7 @@ def plot_contact(path: Path, dpi: int, title: str, results: Mapping[str, Contact
     for ax, (name, result) in zip(axes, results.items(), strict=True):
         result.plot(ax=ax)
         ax.set_title(name)
-    save_figure(path, figure, dpi)
+    save_figure(path, figure, dpi, overwrite=overwrite)
 
 
 def plot(
@@ -141,6 +148,8 @@ def plot(
     solution: Array,
     x: Array | None,
     residuals: Sequence[float],
+    *,
+    overwrite: bool,
 ) -> None:
     """Draw the solution on its grid, and the relative residuals, from that of the first guess."""
     import matplotlib.figure
@@ -164,7 +173,7 @@ def plot(
     right.set_xlabel("iteration")
     right.set_ylabel("residual / right-hand side")
     right.grid(alpha=0.3)
-    save_figure(path, figure, dpi)
+    save_figure(path, figure, dpi, overwrite=overwrite)
 
 
 def _draw_grid(ax: Any, grid: Array) -> None:
@@ -197,7 +206,7 @@ def spread(values: Array, mask: Array | None, outside: float) -> Array:
     return grid
 
 
-def write(path: Path, data: bytes) -> None:
+def write(path: Path, data: bytes, *, overwrite: bool = True) -> None:
     """Write a regular file, whole or not at all; or into a pipe or a device.
 
     Where it cannot be written an OSError is raised, and a file that was there is as it was.
@@ -205,10 +214,12 @@ def write(path: Path, data: bytes) -> None:
     try:
         old = find_status(path)
         if old is None or stat.S_ISREG(old.st_mode):
-            with new_whole(path) as file:
+            with new_whole(path, replaces=overwrite) as file:
                 file.write(data)
         else:
             with path.open("wb") as file:
                 file.write(data)
+    except FileExistsError:  # It has come since the command began.
+        raise FileExistsError(f"{path} is there already: --overwrite replaces it") from None
     except OSError as error:
         raise OSError(f"{path} cannot be written: {error.strerror or error}") from error

@@ -43,12 +43,13 @@ class System:
         """Return ‖b - A x‖ / ‖b‖."""
         return _size(self.b - self.A @ x) / _size(self.b)
 
-    def plot(self, x: Array, residuals: Sequence[float], path: Path, dpi: int) -> None:
+    def plot(self, x: Array, residuals: Sequence[float], options: argparse.Namespace) -> None:
         """Draw a solution and the residuals, and say so."""
         grid = self._spread(x).reshape(grid_of(self.A))
         places = None if self.x is None else self._spread(self.x)
-        files.plot(path, dpi, self.title, grid, places, residuals)
-        print(f"drawn in {path}")
+        where, over = (options.plot, options.dpi), bool(options.overwrite)
+        files.plot(*where, self.title, grid, places, residuals, overwrite=over)
+        print(f"drawn in {options.plot}")
 
     def _spread(self, values: Array) -> Array:
         return files.spread(values, self.mask, np.nan)
@@ -140,9 +141,9 @@ def _run(
     method = label if M is None else M
     print(f"{system.title}\n{'CG with ' if options.solver == 'cg' else ''}{method}\n")
     solution = _iterate(system, M, options)
-    written = solution.converged and options.output is not None
+    written, over = solution.converged and options.output is not None, bool(options.overwrite)
     if written:  # First of all, so that the solution does not depend on what can be printed.
-        files.save(options.output, system.on_its_grid(solution.x))
+        files.save(options.output, system.on_its_grid(solution.x), overwrite=over)
     _print_report(solution, setup, of_others(label))
     if not solution.converged:
         advice = f"--rtol {options.rtol:g} is out of reach: take a larger one"
@@ -156,7 +157,7 @@ def _run(
     elif solution.converged and options.column is not None:
         figures["solution"] = _print_solution(system.on_its_grid(solution.x))
     if options.plot is not None:
-        system.plot(solution.x, solution.residuals, options.plot, options.dpi)
+        system.plot(solution.x, solution.residuals, options)
     return (0 if solution.converged else 1), figures
 
 
@@ -190,12 +191,13 @@ def _answer_zero(system: System, options: argparse.Namespace) -> tuple[int, dict
     figures: dict[str, Any] = {"converged": True, "residual": 0.0, "iterations": 0}
     print(f"{system.title}\n\nconverged: the right-hand side is zero, and so is the solution")
     if options.output is not None:
-        files.save(options.output, system.on_its_grid(system.b))
+        over = bool(options.overwrite)
+        files.save(options.output, system.on_its_grid(system.b), overwrite=over)
         print(f"written to {options.output}")
     elif options.column is not None:
         figures["solution"] = _print_solution(system.on_its_grid(system.b))
     if options.plot is not None:
-        system.plot(system.b, [], options.plot, options.dpi)
+        system.plot(system.b, [], options)
     return 0, figures
 
 

@@ -10,7 +10,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.gaps import has_axes, in_order, measure_axes, unit_of_axes
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
-from toeplitz_mg.contact.results.quantities import require_finite, require_whole
+from toeplitz_mg.contact.results.quantities import require_whole
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
@@ -172,7 +172,6 @@ def require_pressed(pressed: Any) -> None:
 
 def read_bound(pressed: NormalResult, mu: Any) -> Array:
     """Return the traction bound of bodies that are pressed, or of one rank's rows of them."""
-    require_finite(pressed, "the normal result")
     if mu is None:
         raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
     friction = check_friction(mu, pressed.contact.shape)
@@ -288,7 +287,6 @@ def check_previous(
             f"{name} has {previous.contact.shape} elements of {previous.element}, but the grid "
             f"has {shape[1:]} of {grid.element}"
         )
-    require_finite(previous, name)
     if not is_guess:
         _check_same_bodies(previous, grid)
     return widen(previous.traction.reshape(-1, *shape[1:]), shape[0])
@@ -320,7 +318,6 @@ def check_same_grid(previous: Any, grid: Grid) -> None:
             f"previous has {previous.shape} elements of {previous.element}, but the grid has "
             f"{grid.shape} of {grid.element}"
         )
-    require_finite(previous, "previous")
 
 
 def _is_same(element: tuple[float, ...], other: tuple[float, ...]) -> bool:

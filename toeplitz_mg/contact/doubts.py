@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import replace
 from math import prod
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid, keep
+from toeplitz_mg.contact.results.base import remake
 
 FEWEST = 10  # Elements across a contact below which its area and pressures are rough guesses.
 # Share of the contact in its largest spot, and of the load on the elements at an edge of the grid,
@@ -72,7 +72,7 @@ def warn(doubts: tuple[str, ...], *, within: int = 0, known: tuple[str, ...] = (
 
 def add(result: Any, found: tuple[str, ...]) -> Any:
     """Return a result with more doubts."""
-    return replace(result, warnings=(*result.warnings, *found)) if found else result
+    return remake(result, warnings=(*result.warnings, *found)) if found else result
 
 
 @contextmanager

@@ -18,10 +18,10 @@ from toeplitz_mg.contact.results import (
     pictures,
 )
 from toeplitz_mg.contact.results.base import Figure, Result, Summary, span
+from toeplitz_mg.contact.results.consistency import Rule, check_centres
 from toeplitz_mg.contact.results.quantities import (
     Quantity,
     name_units,
-    require_finite,
     require_whole,
 )
 from toeplitz_mg.engine.threads import elementwise
@@ -79,6 +79,16 @@ class Stresses(Result):
     yz = _component(3, "The shear stress across y and z, N/mm².")
     xz = _component(4, "The shear stress across x and z, N/mm².")
     xy = _component(5, "The shear stress across x and y, N/mm².")
+
+    @property
+    def _sizes(self) -> dict[str, tuple[int, ...]]:
+        return {"depths": self.depths.shape[:1], "grid": tuple(map(len, self.centres))}
+
+    def _rules(self) -> Iterator[Rule]:
+        yield Rule("body", self.body in BODIES, f"one of {', '.join(BODIES)}")
+        yield Rule("depths", not (self.depths < 0.0).any(), "at least zero")
+        element = [float(x[-1] - x[0]) / max(1, len(x) - 1) or 1.0 for x in self.centres]
+        yield from check_centres(self.centres, element)
 
     @property
     def von_mises(self) -> Array:
@@ -276,7 +286,6 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
                 "FrictionalResult, which has both"
             )
         require_whole(result, "a result")
-        require_finite(result, "a result")
         if any(result.periodic):
             raise ValueError(
                 f"periodic is {result.periodic} in a result, but stresses are those below bodies "

@@ -9,6 +9,7 @@ import numpy as np
 
 from toeplitz_mg.values import positive, real, refuse_masked
 
+ALIKE = 1e-9  # Error of constants of two bodies that is rounding.
 WANTED = "a contact.Material, or two of them, (first, second)"  # What is said where it is not.
 
 
@@ -161,7 +162,15 @@ class CombinedMaterial:
         check_constants(self.G, self.nu)
         check_difference(self.difference, name="difference")
         match self.bodies:
-            case None | (Material(), Material()):
+            case None:
+                return
+            case (Material() as first, Material() as second):
+                exact, own = _combine(first, second), (self.G, self.nu, self.difference)
+                if not np.allclose(own, exact, rtol=ALIKE, atol=ALIKE):
+                    raise ValueError(
+                        f"G, nu and difference are {own}, but must be {exact}, as bodies are "
+                        f"{self.bodies}"
+                    )
                 return
         raise TypeError(f"bodies is {self.bodies!r}, but must be two of contact.Material, or None")
 
@@ -218,12 +227,17 @@ def combined_material(first: Material, second: Material) -> CombinedMaterial:
             raise TypeError(f"material is {body!r}, but must be {WANTED}")
     if np.isinf(first.G) and np.isinf(second.G):
         raise ValueError("both bodies are rigid, but one must be elastic")
+    return CombinedMaterial(*_combine(first, second), (first, second))
+
+
+def _combine(first: Material, second: Material) -> tuple[float, float, float]:
+    """Return the constants G and nu of both bodies together, and the difference."""
     if first == second:
-        return CombinedMaterial(first.G, first.nu, bodies=(first, second))
+        return first.G, first.nu, 0.0
     G = 2.0 / (1.0 / first.G + 1.0 / second.G)
     nu = min(0.5, G / 2.0 * (first.nu / first.G + second.nu / second.G))  # Despite rounding.
     K = G / 4.0 * ((1.0 - 2.0 * first.nu) / first.G - (1.0 - 2.0 * second.nu) / second.G)
-    return CombinedMaterial(G, nu, K, (first, second))
+    return G, nu, K
 
 
 def difference_parameter(first: Material, second: Material) -> float:

@@ -34,7 +34,7 @@ from toeplitz_mg.contact.normal.search import Search
 from toeplitz_mg.contact.normal.starts import Known, State, predict, solve
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, check_converged
-from toeplitz_mg.contact.results.base import touches_edge
+from toeplitz_mg.contact.results.base import make, remake, touches_edge
 from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.work import count_products
 from toeplitz_mg.halfspace.materials import Bodies
@@ -295,7 +295,8 @@ def make_result(
     if hardness < np.inf:
         plastic = np.where(state.p >= hardness, np.maximum(-gap, 0.0), 0.0)
         gap += plastic
-    return NormalResult(
+    return make(
+        NormalResult,
         material=grid.material,
         shape=grid.shape,
         element=grid.element,
@@ -446,7 +447,7 @@ def load_curve(
             result = press(grid, gap, asked, progress)
             if result.plastic is not None:
                 dents = dents + result.plastic
-                result = replace(result, plastic=dents)
+                result = remake(result, plastic=dents)
             yield check_converged(result, tolerance)
             if result.products:  # Without a load there was nothing to find.
                 if len(known) != 1:  # A beginning with one result says nothing of one with two.

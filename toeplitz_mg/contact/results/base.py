@@ -1,14 +1,16 @@
 """What all results are: arrays that cannot be written to, and figures with their units in words."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import MISSING, fields
 from html import escape
 from math import prod
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
 from toeplitz_mg._typing import Array, Mask
-from toeplitz_mg.contact.results import files, pictures
+from toeplitz_mg.contact.results import consistency, files, pictures
+from toeplitz_mg.contact.results.consistency import Rule
 from toeplitz_mg.contact.results.quantities import name_units, quantities
 
 NOTHING = 1e-8  # Size of a component over the largest that is shown as zero: the usual tolerance.
@@ -118,7 +120,11 @@ class Protected:
     """A dataclass whose arrays cannot be written to, neither those of its copies."""
 
     def __post_init__(self) -> None:
-        """Put views that cannot be written to in the place of the arrays."""
+        """Check the fields, and put views that cannot be written to in the place of arrays."""
+        consistency.check(self)
+        self._protect()
+
+    def _protect(self) -> None:
         own = vars(self)  # What is computed on demand is not asked for here.
         for name, value in own.items():
             own[name] = tuple(map(_protect, value)) if type(value) is tuple else _protect(value)
@@ -126,7 +132,32 @@ class Protected:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Read what was pickled, or copied: arrays can be written to then, until protected."""
         vars(self).update(state)
-        Protected.__post_init__(self)
+        self._protect()
+
+    def _rules(self) -> Iterable[Rule]:
+        """Return what fields must be, as others say."""
+        return ()
+
+
+Made = TypeVar("Made", bound=Protected)
+
+
+def make(kind: type[Made], **values: Any) -> Made:
+    """Return a result of a solver, who computes its numbers from its fields: they are not checked.
+
+    By the class itself they are, as those of `dataclasses.replace` and of files.
+    """
+    result = object.__new__(kind)
+    declared = fields(cast("Any", kind))
+    defaults = {field.name: field.default for field in declared if field.default is not MISSING}
+    vars(result).update(defaults | values)
+    result._protect()
+    return result
+
+
+def remake(result: Made, **values: Any) -> Made:
+    """Return a copy of a result of a solver; what is computed on demand is not asked for."""
+    return make(type(result), **(vars(result) | values))
 
 
 class Result(Described, Protected):
@@ -140,6 +171,39 @@ class Result(Described, Protected):
 
 class GridResult(Result):
     """A result with fields on a grid, a `_title` and `_figures`."""
+
+    @property
+    def _sizes(self: Any) -> dict[str, tuple[int, ...]]:
+        """The numbers of elements; on several ranks those of the rows of one."""
+        return {"grid": self.contact.shape}
+
+    def _rules(self: Any) -> Iterator[Rule]:
+        """Yield what follows from the fields of any contact."""
+        C, h, axes = self.contact, self.element, len(self.shape)
+        few = len(self.centres) == axes <= len(h)  # Strips of finite length have one axis.
+        yield Rule("shape", few, "of as many axes as centres, and no more than element")
+        lengths = tuple(map(len, self.centres))
+        yield Rule("centres", lengths == self.shape, f"those of {self.shape} elements")
+        yield from consistency.check_centres(self.centres, h)
+        for name in ("products", "work", "residual"):
+            yield Rule(name, getattr(self, name) >= 0.0, "at least zero")
+        area = prod(h)
+        yield Rule.of_sum("area", self.area, area * C.sum(), self.area, "that of contact")
+        ends = (C.take((0, -1), axis) for axis in range(axes))
+        repeats = self.periodic or (False,) * axes
+        edge = any(
+            x.any() and n > 1 and not again
+            for x, n, again in zip(ends, self.shape, repeats, strict=False)
+        )
+        yield Rule("touches_edge", self.touches_edge == edge, f"{edge}, as contact is")
+        q, u = self.traction, self.displacement
+        terms = q.reshape(-1, *self.shape)
+        total, size = (area * x.reshape(len(terms), -1).sum(axis=1) for x in (terms, np.abs(terms)))
+        exact = total if q.ndim > axes else total[0]
+        name = "pressure" if self.slip is None else "traction"
+        yield Rule.of_sum("force", self.force, exact, size, f"the sum of {name} over the elements")
+        work, size = (0.5 * area * np.vdot(a, b) for a, b in ((q, u), (np.abs(q), np.abs(u))))
+        yield Rule.of_sum("energy", self.energy, work, size, f"half of {name} times displacement")
 
     @property
     def x(self: Any) -> Array:

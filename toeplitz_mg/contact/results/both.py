@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results import files, pictures
 from toeplitz_mg.contact.results.base import Figure, Protected, Result, Summary
+from toeplitz_mg.contact.results.consistency import Rule
 from toeplitz_mg.contact.results.normal import NormalResult
 from toeplitz_mg.contact.results.quantities import ENERGY, Quantity, name_units
 from toeplitz_mg.contact.results.tangential import TangentialResult
@@ -20,6 +21,10 @@ class Before(Protected):
     traction: Annotated[Array, Quantity("N/mm²", "1, grid | 2, grid")]
     force: Annotated[float, Quantity("force")]
     approach: Annotated[float, Quantity("mm")]
+
+    @property
+    def _sizes(self) -> dict[str, tuple[int, ...]]:
+        return {"grid": self.traction.shape[1:]}
 
 
 @files.loadable
@@ -56,6 +61,19 @@ class FrictionalResult(Result):
     tangential: TangentialResult
     residuals: tuple[float, ...]
     before: Before | None = None
+
+    _sizes: ClassVar[dict[str, tuple[int, ...]]] = {}
+
+    def _rules(self) -> Iterator[Rule]:
+        one, other, grid = self.normal, self.tangential, self.normal.contact.shape
+        for name in ("shape", "element", "material", "periodic"):
+            same = getattr(one, name) == getattr(other, name)
+            yield Rule("tangential", same, f"of the same {name} as normal")
+        inside = other.contact.shape == grid and not (other.contact & ~one.contact).any()
+        yield Rule("tangential", inside, "in contact where normal is only")
+        before = self.before is None or self.before.traction.shape[1:] == grid
+        yield Rule("before", before, f"on the grid of normal, {grid}")
+        yield Rule("residuals", len(self.residuals) > 0, "one at least")
 
     @property
     def residual(self) -> float:

@@ -16,13 +16,25 @@ from dataclasses import asdict, fields, is_dataclass
 from importlib import import_module
 from math import prod
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, BinaryIO, TypeVar, get_args
 from xml.etree import ElementTree
+from zipfile import ZipFile, ZipInfo
 
 import numpy as np
-from numpy.lib.format import read_array_header_1_0, read_array_header_2_0, read_magic
+from numpy.lib.format import (
+    read_array,
+    read_array_header_1_0,
+    read_array_header_2_0,
+    read_magic,
+)
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.contact.results.consistency import (
+    check_array,
+    check_numbers,
+    check_values,
+    find_types,
+)
 from toeplitz_mg.contact.results.quantities import (
     Quantity,
     fields_on_grid,
@@ -34,8 +46,10 @@ from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.whole_files import check_folder, find_status, new_whole
 
 FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
-LONGEST = 2**24  # Most bytes of the text in a file.
-ROUNDING = 1e-6  # Relative error of the places and of the sums in a file.
+LONGEST = 2**24  # Most bytes of the text in a file, and of arrays compressed by any factor.
+MOST_COMPRESSED = 100  # Times that longer arrays may be compressed: fields are numbers, not zeros.
+AXES = {"points": "stick_share", "depths": "depths"}  # Arrays that say the sizes of axes.
+HEADERS = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
 TYPES = {"b": "UInt8", "f": "Float64", "i": "Int64"}  # Those of VTK, by the kind of a dtype.
 
 Kind = TypeVar("Kind")
@@ -122,7 +136,8 @@ def load(path: str | os.PathLike[str]) -> Any:
             if isinstance(file, np.ndarray):
                 raise ValueError("it is a single array")
             with file:
-                return _compose(_Arrays(file), _read_about(file))
+                arrays = _Arrays(file.zip)
+                return _compose(arrays, _read_about(arrays))
     except OSError:
         raise
     except Exception as error:  # NumPy, zip files and JSON raise many.
@@ -130,19 +145,27 @@ def load(path: str | os.PathLike[str]) -> Any:
         raise ValueError(f"{path} is not a file of a contact result{said}") from error
 
 
-def _read_about(file: Any) -> dict[str, Any]:
+def _read_about(arrays: "_Arrays") -> dict[str, Any]:
     """Return the text of a file, which says what it has."""
-    if "about" not in file.files:
-        raise ValueError(f"it names no format, but must be {FORMAT!r}, as `save` writes it")
-    size = file.zip.getinfo("about.npy").file_size
-    if size > LONGEST:
-        raise ValueError(f"its text has {size} bytes, but must have at most {LONGEST}")
-    about: dict[str, Any] = json.loads(str(file["about"]))
-    if about.get("format") != FORMAT:
+    wanted = f"but must be {FORMAT!r}, as `save` writes it"
+    if "about" not in arrays:
+        raise ValueError(f"it names no format, {wanted}")
+    shape, dtype = arrays.header("about")
+    if shape or dtype.kind != "U" or dtype.itemsize > LONGEST:
         raise ValueError(
-            f"its format is {about.get('format')!r}, but must be {FORMAT!r}, as `save` writes it"
+            f"about is of type {dtype} and shape {shape}, but must be one text of {LONGEST} bytes "
+            "at most"
         )
-    return about
+    about = json.loads(str(arrays.take("about")), parse_int=_read_integer)
+    found = about.get("format") if isinstance(about, dict) else None
+    if found != FORMAT:
+        raise ValueError(f"its format is {found!r}, {wanted}")
+    return dict(about)
+
+
+def _read_integer(text: str) -> float:
+    """Return an integer, or of one that is too long for NumPy's a real number, as any may be."""
+    return int(text) if len(text) < 19 else float(text)
 
 
 class _Arrays:
@@ -150,12 +173,12 @@ class _Arrays:
 
     Parameters
     ----------
-    file : NpzFile
+    file : ZipFile
     prefix : str
         What the names of those of a part begin with.
     """
 
-    def __init__(self, file: Any, prefix: str = "") -> None:
+    def __init__(self, file: ZipFile, prefix: str = "") -> None:
         self._file, self._prefix = file, prefix
 
     def of_part(self, name: str) -> "_Arrays":
@@ -163,43 +186,56 @@ class _Arrays:
         return _Arrays(self._file, f"{self._prefix}{name}_")
 
     def __contains__(self, name: str) -> bool:
-        return self._prefix + name in self._file.files
+        return f"{self._prefix}{name}.npy" in self._file.namelist()
 
-    def shape(self, name: str) -> tuple[int, ...]:
-        """Return the shape of an array, without reading that."""
-        return self._header(name)[0]
+    def length(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an array on one axis, without reading that."""
+        shape = self.header(name)[0]
+        if len(shape) != 1 or not shape[0]:
+            raise ValueError(f"{name} has shape {shape}, but must have one axis")
+        return shape
 
     def read(self, name: str, quantity: Quantity, sizes: Mapping[str, tuple[int, ...]]) -> Array:
         """Return an array, whose shape and numbers are those of a quantity."""
-        shape, dtype = self._header(name)
-        allowed = quantity.shapes(sizes)
-        if shape not in allowed:
+        check_array(name, *self.header(name), quantity, sizes)
+        array = self.take(name)
+        check_numbers(name, array, quantity)
+        return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+    def take(self, name: str) -> Array:
+        """Return an array, where its file has as many bytes as that needs."""
+        shape, dtype = self.header(name)
+        member = self._find(name)
+        if member.file_size > max(LONGEST, MOST_COMPRESSED * member.compress_size):
             raise ValueError(
-                f"{self._prefix}{name} has shape {shape}, but must have "
-                f"{' or '.join(map(str, allowed))}"
+                f"{name} has {member.file_size} bytes, compressed to {member.compress_size}, but "
+                f"must have at most {MOST_COMPRESSED} times as many, as numbers have"
             )
-        if dtype.kind != quantity.kind:
-            kind = {"f": "real numbers", "b": "truth values", "i": "integers"}[quantity.kind]
-            raise ValueError(f"{self._prefix}{name} is of type {dtype}, but must have {kind}")
-        array: Array = self._file[self._prefix + name]
-        _check_numbers(self._prefix + name, array, quantity)
+        with self._file.open(member) as opened:
+            HEADERS[read_magic(opened)](opened)
+            size = opened.tell() + dtype.itemsize * prod(shape)
+            if member.file_size != size:
+                raise ValueError(f"{name} has {member.file_size} bytes, but must have {size}")
+        with self._file.open(member) as opened:  # Anew: after a seek its checksum is not checked.
+            array: Array = read_array(opened, allow_pickle=False)
         return array
 
-    def _header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
-        read = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
-        with self._file.zip.open(f"{self._prefix}{name}.npy") as opened:
-            shape, _, dtype = read[read_magic(opened)](opened)
+    def header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
+        """Return the shape and the type of an array, without reading that."""
+        with self._file.open(self._find(name)) as opened:
+            try:
+                shape, _, dtype = HEADERS[read_magic(opened)](opened)
+            except (KeyError, ValueError):
+                raise ValueError(f"{name} is no array of NumPy") from None
         return shape, dtype
 
-
-def _check_numbers(name: str, value: Any, quantity: Quantity) -> None:
-    """Refuse what is no number, and infinity where a quantity is always finite."""
-    if quantity.beyond == "nan":
-        return
-    values = np.asarray(value)
-    wrong = values[np.isnan(values) if quantity.beyond else ~np.isfinite(values)]
-    if wrong.size:
-        raise ValueError(f"{name} has {wrong.flat[0]}, but must be finite")
+    def _find(self, name: str) -> ZipInfo:
+        """Return what is known of an array, which is there once."""
+        path = f"{self._prefix}{name}.npy"
+        found = [one for one in self._file.infolist() if one.filename == path]
+        if len(found) != 1:
+            raise ValueError(f"{name} is there {len(found)} times, but must be once")
+        return found[0]
 
 
 def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -218,21 +254,33 @@ def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
 
 def _compose(
     arrays: _Arrays,
-    about: dict[str, Any],
+    about: Mapping[str, Any],
     sizes: Mapping[str, tuple[int, ...]] | None = None,
 ) -> Any:
     """Return what `_describe` has described, checked against the sizes of the grid."""
-    if about["kind"] not in KINDS:
-        raise ValueError(f"its kind is {about['kind']!r}, but must be one of {', '.join(KINDS)}")
-    kind = KINDS[about["kind"]]
-    given = {name: _thaw(value) for name, value in about["values"].items()}
-    sizes = dict(sizes or {}) | _find_sizes(arrays, given)
-    for name, part in about.get("parts", {}).items():
-        given[name] = _compose(arrays.of_part(name), part, sizes)
+    name = about.get("kind")
+    if not isinstance(name, str) or name not in KINDS:
+        raise ValueError(f"its kind is {name!r}, but must be one of {', '.join(KINDS)}")
+    kind = KINDS[name]
+    given = {name: _thaw(value) for name, value in _take(about, "values").items()}
+    check_values(kind, given)
+    sizes = dict(sizes or {}) | _find_sizes(kind, arrays, given)
+    types = find_types(kind)
+    for k, (name, part) in enumerate(_take(about, "parts").items()):
+        allowed = (types.get(name), *get_args(types.get(name)))
+        if "results" in types and name == f"result_{k}":
+            allowed = (kind._kind,)  # type: ignore[attr-defined]
+        wanted = [one.__name__ for one in allowed if one in KINDS.values()]
+        if not isinstance(part, dict) or part.get("kind") not in wanted:
+            raise ValueError(f"{name} is no part of a {kind.__name__}, or of another kind")
+        try:
+            given[name] = _compose(arrays.of_part(name), part, sizes)
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"of its part {name}, {error}") from error
         sizes.setdefault("grid", getattr(given[name], "shape", ()))
-    if "material" in about:
-        given["material"] = _read_material(about["material"])
-    if "x" in arrays:
+    if "material" in types:
+        given["material"] = _read_material(_take(about, "material"))
+    if "centres" in types:
         place = Quantity("mm", "axis")
         given["centres"] = tuple(
             arrays.read(name, place, {"axis": (n,)})
@@ -240,40 +288,38 @@ def _compose(
         )
     for name, quantity in quantities(kind).items():
         if quantity.axes and name in arrays:
+            if name in given:
+                raise ValueError(f"{name} is there as an array and as a value, but must be once")
             given[name] = arrays.read(name, quantity, sizes)
-        elif given.get(name) is not None:
-            _check_numbers(name, given[name], quantity)
-    _check_sums(given)
-    if "results" in {field.name for field in fields(kind)}:
+    if "results" in types:
         given["results"] = [given.pop(name) for name in about["parts"]]
+    for name in types:
+        if name not in given:
+            raise ValueError(f"{name} is missing, but a {kind.__name__} has it")
     return kind(**given)
 
 
-def _find_sizes(arrays: _Arrays, given: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+def _take(about: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return what the text of a file says under a name."""
+    found = about.get(name)
+    if not isinstance(found, dict):
+        raise ValueError(f"its {name} is {found!r:.50}, but must be an object of JSON")
+    return found
+
+
+def _find_sizes(
+    kind: type, arrays: _Arrays, given: Mapping[str, Any]
+) -> dict[str, tuple[int, ...]]:
     """Return the sizes of the axes that fields of a result or of a part have."""
-    sizes = {"points": arrays.shape("power")} if "power" in arrays else {}
-    if "shape" in given:
-        sizes["grid"] = given["shape"]
-    elif "x" in arrays:
-        sizes["grid"] = tuple(n for name in "xy" if name in arrays for n in arrays.shape(name))
-    if "depths" in arrays:
-        sizes["depths"] = arrays.shape("depths")
+    types = find_types(kind)
+    sizes = {name: arrays.length(of) for name, of in AXES.items() if of in types}
+    if "shape" in types:
+        sizes["grid"] = given.get("shape", ())
+    elif "centres" in types:
+        sizes["grid"] = tuple(n for name in "xy" if name in arrays for n in arrays.length(name))
+    if "grid" in sizes and (len(sizes["grid"]) not in (1, 2) or min(sizes["grid"]) < 1):
+        raise ValueError(f"its grid has shape {sizes['grid']}, but must have one axis or two")
     return sizes
-
-
-def _check_sums(given: Mapping[str, Any]) -> None:
-    """Refuse places that are not equidistant, and tractions whose sum is not the force."""
-    if "shape" not in given:
-        return
-    for x, h in zip(given["centres"], given["element"], strict=False):
-        if not np.allclose(np.diff(x), h, rtol=ROUNDING, atol=0.0):
-            raise ValueError(f"the centres of its elements are not {h} mm apart, but must be")
-    field = "traction" if "traction" in given else "pressure"
-    q, area = given[field], prod(given["element"])
-    axes = tuple(range(-len(given["shape"]), 0))
-    total, size = (area * x.sum(axis=axes) for x in (q, np.abs(q)))
-    if np.max(np.abs(total - given["force"])) > ROUNDING * np.max(size):
-        raise ValueError(f"the sum of its {field} is {total}, but its force is {given['force']}")
 
 
 def import_extra(name: str, method: str) -> Any:
@@ -362,16 +408,22 @@ def _keep_in_netcdf(values: Mapping[str, Any]) -> dict[str, Any]:
     return kept
 
 
-def _read_material(values: dict[str, Any]) -> CombinedMaterial:
+def _read_material(values: Mapping[str, Any]) -> CombinedMaterial:
     """Return the combined constants, with the bodies where the file has them."""
-    bodies = values.pop("bodies", None)
-    if bodies is not None:
-        first, second = (
-            Material.rigid() if np.isinf(body["G"]) else Material.from_shear(**body)
-            for body in bodies
-        )
-        bodies = first, second
-    return CombinedMaterial(**values, bodies=bodies)
+    wanted = [field.name for field in fields(CombinedMaterial)]
+    if sorted(values) != sorted(wanted):
+        raise ValueError(f"its material has {', '.join(values)}, but must have {', '.join(wanted)}")
+    bodies = values["bodies"]
+    try:
+        if bodies is not None:
+            first, second = (
+                Material.rigid() if np.isinf(body["G"]) else Material.from_shear(**body)
+                for body in bodies
+            )
+            bodies = first, second
+        return CombinedMaterial(**{**values, "bodies": bodies})
+    except (TypeError, ValueError, KeyError) as error:
+        raise ValueError(f"its material cannot be: {error}") from error
 
 
 def _thaw(value: Any) -> Any:

@@ -1,15 +1,24 @@
 """What bodies that are pressed together have for an answer."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
+
+import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results import files
 from toeplitz_mg.contact.results.base import Figure, GridResult, Summary, list_figures
+from toeplitz_mg.contact.results.consistency import Rule
 from toeplitz_mg.contact.results.quantities import ENERGY, TOGETHER, Quantity, is_whole
 from toeplitz_mg.halfspace import CombinedMaterial
 from toeplitz_mg.values import positive
+
+
+class Slope(float):
+    """A number that belongs to the pressures of a result, which a copy with others has not."""
+
+    of: tuple[Any, ...]
 
 
 class OnDemand:
@@ -22,12 +31,23 @@ class OnDemand:
         if instance is None:
             return None  # The default.
         value = vars(instance)[self._name]
-        if callable(value):
-            value = vars(instance)[self._name] = value()
+        if value is not None and not isinstance(value, Slope):
+            value = Slope(value() if callable(value) else value)
+            value.of = find_state(instance)
+            vars(instance)[self._name] = value
         return value
 
     def __set__(self, instance: Any, value: float | Callable[[], float] | None) -> None:
+        if isinstance(value, Slope):  # It is of the result that `dataclasses.replace` copies.
+            same = map(np.array_equal, value.of, find_state(instance))
+            value = value if all(same) else None
         vars(instance)[self._name] = value
+
+
+def find_state(result: Any) -> tuple[Any, ...]:
+    """Return what a stiffness belongs to: where the bodies touch, and which they are."""
+    m = result.material
+    return result.pressure, result.element, result.periodic, (m.G, m.nu)
 
 
 @files.loadable
@@ -76,7 +96,7 @@ class NormalResult(GridResult):
     stiffness : float or None
         The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
         computed when it is first asked for, by a few products. None of unlike bodies with friction,
-        and of copies with the rows of one rank.
+        of copies with the rows of one rank, and of those with other pressures or bodies.
     products : int
         Products with the matrix of this grid.
     work : float
@@ -113,7 +133,7 @@ class NormalResult(GridResult):
     touches_edge: bool
     periodic: tuple[bool, ...] = ()
     plastic: Annotated[Array | None, Quantity("mm", "grid", shades="Purples")] = None
-    stiffness: Annotated[OnDemand, Quantity("stiffness")] = OnDemand()
+    stiffness: Annotated[OnDemand, Quantity("stiffness", beyond="inf")] = OnDemand()
     products: Annotated[int, Quantity("", kind="i")] = 0
     work: float = 0.0
     iterations: tuple[int, ...] = ()
@@ -197,6 +217,15 @@ class NormalResult(GridResult):
         if self.stiffness is None:
             raise ValueError("stiffness is None, but must be known: use normal_contact")
         return 2e-3 * self.stiffness / (self.material.E_star * rho)  # In mm, of k per metre.
+
+    def _rules(self) -> Iterator[Rule]:
+        p, C, k = self.pressure, self.contact, vars(self)["stiffness"]
+        yield from super()._rules()
+        yield Rule("contact", np.array_equal(C, p > 0.0), "where pressure is positive")
+        yield Rule("gap", bool(np.isfinite(self.gap[C]).all()), "finite in contact")
+        yield Rule("stiffness", k is None or callable(k) or k >= 0.0, "at least zero")
+        most = p.max(initial=0.0)
+        yield Rule.of_sum("max_pressure", self.max_pressure, most, most, "the largest of pressure")
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled, or copied: without what only all ranks compute, together."""

@@ -1,5 +1,6 @@
 """What bodies that shift or roll on each other have for an answer."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import prod
 from typing import Annotated, Any, ClassVar
@@ -9,6 +10,7 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results import files
 from toeplitz_mg.contact.results.base import NOTHING, Figure, GridResult, list_figures
+from toeplitz_mg.contact.results.consistency import Rule
 from toeplitz_mg.contact.results.quantities import ENERGY, TOGETHER, VECTORS, Quantity, name_units
 from toeplitz_mg.halfspace import CombinedMaterial
 
@@ -162,6 +164,33 @@ class TangentialResult(GridResult):
     @property
     def _title(self) -> str:
         return "Friction" if self.creepages is None else "Rolling"
+
+    def _rules(self) -> Iterator[Rule]:
+        C, s, moves = self.contact, self.slip, self.creepages is None
+        yield from super()._rules()
+        yield Rule("contact", np.array_equal(C, self.bound > 0.0), "where bound is positive")
+        yield Rule("bound", not (self.bound < 0.0).any(), "at least zero")
+        yield Rule("stick", not (self.stick & ~C).any(), "in contact only")
+        area, sticks = prod(self.element), self.stick.sum()
+        yield Rule.of_sum("stick_area", self.stick_area, area * sticks, self.area, "that of stick")
+        wanted = "given in friction, and None in rolling"
+        yield Rule("shift", (self.shift is not None) == moves, wanted)
+        yield Rule("total_shift", (self.total_shift is not None) == moves, wanted)
+        yield Rule("moment", (self.moment is None) == (len(self.shape) == 1), "that of an area")
+        unknown = not moves and bool(np.isnan(self.creepages).any())
+        there = bool(np.isnan(s[..., C]).any()) == (unknown and bool(C.any()))
+        yield Rule("slip", there, "finite, unless creepages are nan")
+        yield Rule("power", unknown or not np.isnan(self.power), "finite, unless creepages are nan")
+        if moves:
+            terms = area * self.traction * np.where(self.sliding, s, 0.0)
+            work, size = 0.0 - terms.sum(), np.abs(terms).sum()
+            yield Rule.of_sum("power", self.power, work, size, "the work of slip by traction")
+        if moves and self.moment is not None:
+            x, y = np.meshgrid(*self.centres, indexing="ij", sparse=True)
+            along, across = area * self.traction
+            turning = x * across - y * along
+            exact, size = turning.sum(), np.abs(turning).sum()
+            yield Rule.of_sum("moment", self.moment, exact, size, "that of traction")
 
     def _figures(self) -> list[Figure]:
         is_rolling = self.creepages is not None

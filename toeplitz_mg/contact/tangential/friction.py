@@ -22,7 +22,7 @@ from toeplitz_mg.contact.checks import (
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
-from toeplitz_mg.contact.results.base import touches_edge
+from toeplitz_mg.contact.results.base import make, remake, touches_edge
 from toeplitz_mg.contact.tangential.law import (
     Areas,
     Problem,
@@ -248,7 +248,7 @@ def shift_bodies(
         if force is not None:
             change = change + problem.uniform(state.shift)
         moved = as_given(change, is_field=asked.shift == "a field")
-    return replace(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
+    return remake(result, shift=moved, total_shift=add_shifts(moved, previous, window.whole))
 
 
 def find_tractions(
@@ -315,6 +315,7 @@ def make_result(
     total = problem.grid.area * sum_components(q, problem.vectors)
     if "shift" not in more:
         more["shift"] = as_given(state.shift)
+    more.setdefault("total_shift", more["shift"])
     if "power" not in more:
         lost = np.where(state.areas.slide, q * slip, 0.0)
         more["power"] = problem.grid.area * (0.0 - problem.vectors.sum(lost))
@@ -329,7 +330,8 @@ def make_result(
         "force": float(total[0]) if is_line else total,
         "energy": 0.5 * problem.grid.area * problem.vectors.dot(q, state.u),
     }
-    return TangentialResult(
+    return make(
+        TangentialResult,
         **window.same(more),
         material=window.whole.material,
         shape=window.whole.shape,

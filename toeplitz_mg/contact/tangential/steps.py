@@ -22,6 +22,7 @@ from toeplitz_mg.contact.curves import RollingSteps
 from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, check_converged
+from toeplitz_mg.contact.results.base import remake
 from toeplitz_mg.contact.tangential.law import Problem, admit, clip, drop_rounding
 from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
@@ -197,6 +198,6 @@ def roll_steps(
             result = make_rolling_result(
                 motion, problem, state, window, cost, slip, found, is_steady=False
             )
-            yield check_converged(replace(result, warnings=about), tolerance)
+            yield check_converged(remake(result, warnings=about), tolerance)
 
     return march(q)

@@ -13,6 +13,7 @@ from toeplitz_mg.contact.curves import Curve
 from toeplitz_mg.contact.grid import DENSE, Grid
 from toeplitz_mg.contact.results import NormalResult, TangentialResult, files
 from toeplitz_mg.contact.results.base import Figure, Summary
+from toeplitz_mg.contact.results.consistency import Rule
 from toeplitz_mg.contact.results.quantities import CREEPAGES, Quantity, require_whole
 from toeplitz_mg.contact.tangential.rolling import Rolled, roll, rolling
 from toeplitz_mg.halfspace.materials import Bodies, Material, check_ratio
@@ -55,12 +56,29 @@ class CreepCurve(Curve):
     creepages: Annotated[Array, Quantity("creepages", "points | points, 3", beyond="nan")]
     force: Annotated[Array, Quantity("force", "points | points, 2")]
     moment: Annotated[Array | None, Quantity("N mm", "points")]
-    power: Annotated[Array, Quantity("loss", "points", label="power over speed")]
+    power: Annotated[Array, Quantity("loss", "points", beyond="nan", label="power over speed")]
     stick_share: Annotated[Array, Quantity("1", "points")]
     products: Annotated[Array, Quantity("", "points", "i")]
     element: tuple[float, ...]
 
     _title: ClassVar[str] = "Creep curve"
+
+    @property
+    def _sizes(self) -> dict[str, tuple[int, ...]]:
+        return {"points": self.power.shape[:1]}
+
+    def _rules(self) -> Iterator[Rule]:
+        sizes = self.element
+        yield Rule("element", len(sizes) in (1, 2) and min(sizes) > 0.0, "one or two, positive")
+        along = self.creepages.ndim == 1
+        is_line = along or len(sizes) == 1
+        yield Rule("moment", self.moment is None or not is_line, "that of an area")
+        yield Rule("force", (self.force.ndim == 1) == along, "of as many components as creepages")
+        unknown = np.isnan(self.creepages.reshape(len(self.power), -1)).any(axis=1)
+        known = np.array_equal(np.isnan(self.power), unknown)
+        yield Rule("power", known, "nan where a creepage is, and finite elsewhere")
+        share = self.stick_share
+        yield Rule("stick_share", bool(((share >= 0.0) & (share <= 1.0)).all()), "0 to 1")
 
 
 def creep_curve(

@@ -21,6 +21,7 @@ from toeplitz_mg.contact.normal import starts
 from toeplitz_mg.contact.normal.search import Iterate, Search
 from toeplitz_mg.contact.products import Products, Report
 from toeplitz_mg.contact.results import NormalResult, TangentialResult
+from toeplitz_mg.contact.results.base import remake
 from toeplitz_mg.contact.tangential import friction
 from toeplitz_mg.contact.tangential.law import Problem, State, admit, drop_rounding
 from toeplitz_mg.contact.window import MARGIN, Window
@@ -107,7 +108,7 @@ class Pressing:
         """
         state = self._state(q, p)._replace(iterations=tuple(self.iterations))
         result = normal.make_result(self.grid, self.z, state, self.products, 0.0, self.distance)
-        return replace(result, stiffness=None) if self.coupling.is_there else result
+        return remake(result, stiffness=None) if self.coupling.is_there else result
 
     def _search(self, z: Array) -> Search:
         search = Search(self.grid, z, self.approach, self.force, self.tolerance, self.report)
@@ -246,7 +247,7 @@ class Rolling:
         """Return what was found, with all displacements along the surface."""
         assert self.found is not None
         # The work of both problems together is with the pressures.
-        result = replace(self.found, products=self.products, work=0.0)
+        result = remake(self.found, products=self.products, work=0.0)
         return add_displacements(result, self.coupling.along(p), self.grid)
 
 
@@ -258,7 +259,7 @@ def add_displacements(result: TangentialResult, u: Array, grid: Grid) -> Tangent
     shape = result.traction.shape
     displacement = result.displacement + np.where(result.contact, u, 0.0).reshape(shape)
     energy = 0.5 * grid.area * float((result.traction * displacement).sum())
-    return replace(result, displacement=displacement, energy=energy, warnings=())
+    return remake(result, displacement=displacement, energy=energy, warnings=())
 
 
 def alternate(

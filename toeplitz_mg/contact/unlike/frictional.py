@@ -18,6 +18,7 @@ from toeplitz_mg.contact.checks import (
     check_shift,
     has_two_components,
     is_lateral,
+    measure_from_contact,
     show,
     widen,
 )
@@ -31,6 +32,7 @@ from toeplitz_mg.contact.results import (
     TangentialResult,
     check_converged,
 )
+from toeplitz_mg.contact.results.base import remake
 from toeplitz_mg.contact.tangential.friction import add_shifts, as_given, is_field
 from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.contact.tangential.motion import Motion
@@ -205,14 +207,14 @@ def frictional_contact(
         if total is not None:
             check_carried(tangential_force, float(bound_of(friction, p).sum()) * grid.area, grid)
         normal, tangential = pressing.result(q, p), shifting.result(p)
-    normal = replace(normal, work=work.units(z.size))
+    normal = remake(normal, work=work.units(z.size))
     moved = tangential.shift
     if tangential_force is None:
         of_elements = shift is not None and is_field(shift, grid.components)
         moved = as_given(change, is_field=of_elements)
     about = doubts.examine_friction(grid, mu)
     total_shift = add_shifts(moved, earlier, grid)
-    tangential = replace(tangential, shift=moved, total_shift=total_shift, warnings=about)
+    tangential = remake(tangential, shift=moved, total_shift=total_shift, warnings=about)
     result = FrictionalResult(normal, tangential, residuals, before)
     doubts.warn(check_both(result, tolerance, report, max_products).warnings)
     return result
@@ -352,10 +354,10 @@ def frictional_rolling(
         motion.check_loads(grid, bound_of(friction, p))
         loads.check_share(bound_of(friction, p), grid.vectors)
         normal, tangential = pressing.result(q, p), rolling.result(p)
-    normal = replace(normal, work=work.units(z.size))
+    normal = remake(normal, work=work.units(z.size))
     found = np.ravel(tangential.creepages).tolist()
     about = doubts.examine_friction(grid, mu) + doubts.examine_creepages(found, tangential.area)
-    result = FrictionalResult(normal, replace(tangential, warnings=about), residuals)
+    result = FrictionalResult(normal, remake(tangential, warnings=about), residuals)
     doubts.warn(check_both(result, tolerance, report, max_products).warnings)
     return result
 
@@ -417,7 +419,8 @@ def read_history(
     """Return the state before this step, and a guess of the tractions after it, or None."""
     shape = (grid.components, *grid.shape)
     if previous is None:
-        return Before(np.zeros(shape), 0.0, float(z.min())), None
+        _, distance, _ = measure_from_contact(z, None, grid.vectors)
+        return Before(np.zeros(shape), 0.0, distance), None
     if not isinstance(previous, FrictionalResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a FrictionalResult")
