@@ -1,5 +1,6 @@
 """Files of the command line: whole or untouched, and never one in the place of another."""
 
+import io
 import os
 import socket
 import stat
@@ -247,6 +248,20 @@ def test_a_step_that_fails_loses_no_file(folder, step, error, command, x, monkey
     assert command(x) == (130 if isinstance(error, KeyboardInterrupt) else 2)
     assert capsys.readouterr().err.count("\n") == 1
     assert contents(folder) == before
+
+
+@pytest.mark.parametrize("x", ["x.npy", "x.npz", "x.png"])
+def test_a_file_that_has_come_meanwhile_is_not_replaced(folder, x, monkeypatch, capsys):
+    class Meanwhile(io.StringIO):
+        def write(self, text):
+            return (folder / x).write_bytes(b"his")
+
+    case = "solve c.npy b.npy -o" if x == "x.npy" else "contact hertz -n 16 -o"
+    monkeypatch.setattr(sys, "stdout", Meanwhile())
+    assert main([*(case if x != "x.png" else "paper -n 64 --plot").split(), x]) == 2
+    assert f"{x} is there already: --overwrite replaces it" in capsys.readouterr().err
+    assert contents(folder)[x] == b"his"
+    assert {*contents(folder)} == {"c.npy", "b.npy", x}
 
 
 @pytest.mark.parametrize("old", [True, False])

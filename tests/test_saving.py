@@ -6,6 +6,7 @@ import os
 import pickle
 from dataclasses import fields, is_dataclass, replace
 from xml.etree import ElementTree
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -58,7 +59,12 @@ BELOW_A_LINE = contact.subsurface_stresses(ROLLED_LINE, depths=0.1)
 with pytest.warns(contact.ContactWarning, match="creepages"):  # They, slip and power are NaN.
     SLIDES = contact.rolling(PRESSED, mu=0.3, force=(0.3 * PRESSED.force, 0.0))
 SAVED = [*ALL, WITH_ALL, BONDED, PRESSED_UNLIKE, BOTH, BOTH_LINE, CURVE, STRESSES, BELOW_A_LINE]
-SAVED.append(SLIDES)
+FULL = normal_contact(
+    np.zeros((16, 16)), (0.1, 0.1), material=PRESSED.material, force=1.0, periodic=True
+)
+with pytest.warns(contact.ContactWarning, match="creepages"):
+    ALL_SLIDES = contact.creep_curve(PRESSED, mu=0.3, force=SLIDES.force, spin=[0.0, 0.1])
+SAVED += [SLIDES, FULL, ALL_SLIDES]
 
 
 @pytest.mark.parametrize("result", SAVED)
@@ -186,10 +192,28 @@ def damaged(path, result, about=None, **arrays):
         ({"x": PRESSED.x**3}, "centres must be about zero, and along x 0.0416.* mm apart"),
         ({"about": {"approach": np.nan}}, "approach has nan"),
         ({"about": {"shape": (32, 48)}}, "has shape"),
+        ({"about": {"shape": (2**22,)}, "x": np.zeros(2**22)}, "x has 33554560 bytes, compressed"),
+        ({"about": {"force": "0.1"}}, "force is '0.1', but must be a number"),
+        ({"about": {"radius": 1.0}}, "radius is given, but a NormalResult has no such field"),
+        ({"about": {"pressure": 1.0}}, "pressure is 1.0, but must be an array"),
+        ({"about": {"energy": 10**400}}, "energy has inf, but must be finite"),
+        ({"gap": PRESSED.gap.astype(np.float16)}, "gap is of type float16, but must be of float64"),
     ],
 )
 def test_what_is_not_of_its_grid_is_refused(arrays, message, tmp_path):
     refuses(ValueError, message, contact.load, damaged(tmp_path / "x.npz", PRESSED, **arrays))
+
+
+def test_members_that_are_there_twice_or_not_at_all_are_refused(tmp_path):
+    path, less = tmp_path / "x.npz", tmp_path / "y.npz"
+    SHIFTED.save(path)
+    with ZipFile(path) as file, ZipFile(less, "w") as other:
+        for name in set(file.namelist()) - {"slip.npy"}:
+            other.writestr(name, file.read(name))
+    refuses(ValueError, "slip is missing, but a TangentialResult has it", contact.load, less)
+    with ZipFile(path, "a") as file, pytest.warns(UserWarning, match="Duplicate"):
+        file.writestr("slip.npy", b"")
+    refuses(ValueError, "slip is there 2 times, but must be once", contact.load, path)
 
 
 def test_what_belongs_to_no_field_is_not_read(tmp_path):
