@@ -45,7 +45,7 @@ def check(result: Any) -> None:
     kind, own = type(result), vars(result)
     check_values(kind, own)
     sizes = result._sizes
-    whole = "contact" not in own or is_whole(result)
+    whole = "shape" not in own or is_whole(result)
     if not whole:  # They are the rows that one rank has.
         (rows, *others), (n, *more) = own["contact"].shape, own["shape"] or (0,)
         if rows > n or others != more:
