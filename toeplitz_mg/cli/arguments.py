@@ -15,6 +15,7 @@ from toeplitz_mg._typing import Preconditioner
 from toeplitz_mg.cli import files
 from toeplitz_mg.cli.report import EXIT_STATUS
 from toeplitz_mg.contact import Material
+from toeplitz_mg.contact.gaps import UNITS
 from toeplitz_mg.contact.reading import LEVELS
 from toeplitz_mg.paper.problems import TESTS
 from toeplitz_mg.values import in_range
@@ -258,6 +259,8 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, how the command is called, and where its options are listed."""
         shown = [a for a in self._actions if not a.option_strings and a.help != HIDDEN]
+        if "invalid" in message and self.prog.endswith(" rough"):
+            message += "; FILE goes before the options"  # They take all that follows.
         words = [self.prog, "[options]", *(str(a.metavar) for a in shown)]
         self.exit(
             2,
@@ -287,7 +290,7 @@ def parser() -> Parser:
         help="solve a system of your own",
         description="Solve A x = b, A symmetric positive definite Toeplitz.",
         epilog="Files are NumPy's (.npy) or tables of numbers in text (.txt, .csv, .dat). "
-        "X is written whole or not at all, and only where the solver has converged.",
+        "X is written whole or not at all, and only where the solver has converged. " + EXIT_STATUS,
     )
     solve.add_argument(
         "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several axes"
@@ -471,6 +474,9 @@ def complete_contact(given: argparse.Namespace) -> argparse.Namespace:
     for name in options.keys() - OF_CONTACT.keys() - {"command", "case", "file"}:
         raise ValueError(f"--{name} is for linear systems, not for contact")
     case = options["case"]
+    units = options.get("unit", ())
+    if "file" not in options and len(units) > 1 and units[-1] not in UNITS:
+        options["file"] = Path(units.pop())  # argparse has taken it for one more unit.
     _check(OF_CONTACT, RULES_OF_CONTACT, options, case)
     _check_together(case, options)
     written = options.get("output"), options.get("plot")

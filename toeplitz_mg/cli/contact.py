@@ -227,16 +227,18 @@ def run(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
 
 
 def _figures(case: Hertzian | Rough, results: Mapping[str, ContactResult]) -> dict[str, Any]:
-    """Return what is printed, by the names of the fields of results."""
+    """Return what is printed, and the figures of summaries, by the names of fields of results."""
     pressed, whole = results[PRESSURE], fields(results)
     numbers = "force", "approach", "tangential_force", "rigid", "moment", "power"
     found = {
         "products": [result.products for result in results.values()],
         "residual": [result.residual for result in results.values()],
         "warnings": [*dict.fromkeys(doubt for r in results.values() for doubt in r.warnings)],
-        "max_pressure": pressed.magnitude.max(),
-        "area": pressed.area,
     } | {name: whole[name] for name in numbers if name in whole}
+    for name, value, _, of in pressed._summary().figures:
+        found[of or name] = getattr(pressed, of) if of else value
+    if isinstance(tangential := results.get(TANGENTIAL), TangentialResult):
+        found["stick_area"] = tangential.stick_area
     if isinstance(case, Hertzian):
         names = "force", "approach", "max_pressure", "area"
         found["theory"] = {name: getattr(case.theory, name) for name in names}

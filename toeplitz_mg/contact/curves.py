@@ -262,7 +262,8 @@ class Results(Curve, Generic[Kind]):
 
     def _table(self, *, asks: bool = True) -> dict[str, Array]:
         rows = [*self._rows, *(_list_numbers(result, asks=asks) for result in self.results)]
-        table = {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else {}
+        names = [x for x in rows[0] if all(x in row for row in rows)] if rows else []
+        table = {name: np.array([row[name] for row in rows]) for name in names}
         if "creepages" in table:
             table["distance"] = self.results[0].element[0] * np.arange(1.0, 1.0 + len(rows))
         return table

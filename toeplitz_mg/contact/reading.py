@@ -14,13 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toeplitz_mg._typing import Array, Element, Unit
-from toeplitz_mg.contact.gaps import Heights, agree_on_unit, read_unit
+from toeplitz_mg.contact import doubts
+from toeplitz_mg.contact.gaps import UNITS, Heights, agree_on_unit, read_unit
 from toeplitz_mg.contact.grid import read_sizes
 from toeplitz_mg.tables import TEXT, UTF_16, decode, load_table, open_file
 from toeplitz_mg.values import numbers, positive
 
 TABLES = (".npy", *TEXT)  # Endings of files that are read without the extra `surfaces`.
 SIZE = re.compile(r"#.*[:=]\s*[-+.\d]")  # A comment that may say one, as "# Width: 1 mm".
+# What a comment says of units: a name as in "in um", "unit: nm" or "[mm]", beside what it is of.
+UNIT = re.compile(rf"(?:\bin\s+|\bunits?\W+|[\[(]\s*)({'|'.join(map(re.escape, UNITS))})(?!\w)")
+OF_HEIGHTS = re.compile(r"\b(heights?|z|units?)\b", re.IGNORECASE)
 FEWEST = 4  # Fewest columns of a table of heights: of two or three, the first are positions.
 LEVELS = ("mean", "plane", "quadratic")  # Polynomials of degree 0, 1 and 2.
 
@@ -53,12 +57,17 @@ def read(
         evenly spaced it is the distance at which it is interpolated, linearly.
     unit : str or (str, str), optional
         The unit of heights and pixels, or one of each, as ("nm", "um"), where the file does not say
-        it; of tables by default mm.
+        it; of tables by default mm, or of heights what a comment says, as "# heights in um".
 
     Returns
     -------
     Heights
         In mm, NaN where they are missing: the argument ``heights=`` of `normal_contact`.
+
+    Warns
+    -----
+    ContactWarning
+        Where a comment names units, and it is not clear of what.
 
     Raises
     ------
@@ -96,7 +105,7 @@ def read(
         except ValueError as error:
             hint = "; a height that is missing is written nan" if ending.lower() in TEXT else ""
             refused = ValueError(f"{error}{hint}")
-    periodic = False
+    periodic, is_table = False, True
     if heights is None:
         found = _ask_library(path, channel, refused)
         if found is not None and found.sizes is None and ending.lower() not in TEXT:
@@ -114,9 +123,13 @@ def read(
         else:
             heights, element = _sample(path, found, element)
             scale = read_unit(agree_on_unit(str(path), found.unit, unit))
-            periodic = found.periodic
+            periodic, is_table = found.periodic, False
     elif channel is not None:
         raise ValueError(f"channel is {channel!r}, but {path} is a table of heights alone")
+    if is_table and unit is None and ending.lower() in TEXT:
+        said, doubt = _find_unit(path)
+        scale = read_unit(said)[0], 1.0
+        doubts.warn(doubt)
     if level is not None:
         heights = subtract(heights, LEVELS.index(level))
     pixel = None
@@ -134,6 +147,19 @@ def _says_sizes(path: Path) -> bool:
             return any(SIZE.match(line) for line in decode(file.read()).splitlines())
         except (UnicodeDecodeError, EOFError, zlib.error):
             return False
+
+
+def _find_unit(path: Path) -> tuple[str | None, tuple[str, ...]]:
+    """Return the unit of heights that comments of a table say, or the doubt that they may."""
+    with open_file(path) as file:
+        lines = [line for line in decode(file.read()).splitlines() if line.lstrip().startswith("#")]
+    said = {unit: line for line in lines for unit in UNIT.findall(line)}
+    of_heights = [unit for unit, line in said.items() if OF_HEIGHTS.search(line)]
+    if len(said) == len(of_heights) == 1:
+        return of_heights[0], ()
+    told = "; ".join(dict.fromkeys(said.values()))
+    doubt = f"{path} has the comment {told!r:.80}, but is read in mm: give unit="
+    return None, (doubt,) if said else ()
 
 
 def _read_heights(path: Path, is_text: bool | None = None) -> Array:

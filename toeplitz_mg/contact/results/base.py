@@ -18,11 +18,12 @@ FEW = 3  # Figures in the repr of a result, which is one line.
 
 
 class Figure(NamedTuple):
-    """A number, or some, with a name and a unit."""
+    """A number, or some, with a name and a unit, and the field or property that it is of."""
 
     name: str
     value: Any
     unit: str = ""
+    of: str = ""
 
     @property
     def text(self) -> str:
@@ -71,7 +72,7 @@ def list_figures(result: Any, *names: str | Figure) -> list[Figure]:
     """Return the figures of a result that it has: fields by their names, and others as they are."""
     units, declared = name_units(result), quantities(type(result))
     figures = [
-        Figure(declared[name].label or name, getattr(result, name), units.get(name, ""))
+        Figure(declared[name].label or name, getattr(result, name), units.get(name, ""), name)
         if isinstance(name, str)
         else name
         for name in names
@@ -81,7 +82,7 @@ def list_figures(result: Any, *names: str | Figure) -> list[Figure]:
 
 def span(figure: Figure) -> Figure:
     """Return what the first and the last value of a figure are."""
-    name, values, unit = figure
+    name, values, unit, _ = figure
     first, last = (Figure(name, value).text for value in (values[0], values[-1]))
     return Figure(name, f"{first} to {last} {unit}".rstrip())
 

@@ -249,7 +249,8 @@ class NormalResult(GridResult):
     def _figures(self, *on_demand: str) -> list[Figure]:
         share, mean = 100.0 * self.contact_fraction, self.mean_pressure
         return list_figures(
-            self, "force", "approach", *on_demand, "area", Figure("share of the grid", share, "%"),
-            Figure("mean pressure", mean, "N/mm²"), "max_pressure",
+            self, "force", "approach", *on_demand, "area",
+            Figure("share of the grid", share, "%", "contact_fraction"),
+            Figure("mean pressure", mean, "N/mm²", "mean_pressure"), "max_pressure",
             Figure("yields", self._yields), "energy",
         )  # fmt: skip
