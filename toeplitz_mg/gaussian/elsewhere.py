@@ -45,9 +45,10 @@ class ArrayNormal:
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
         library = library_of(self.c)
 
-        def method(y: Any = None, *args: Any, **kwargs: Any) -> Any:
-            series = () if y is None else (library.read("y", y),)
-            return getattr(Returned(self._on_host(), library), name)(*series, *args, **kwargs)
+        def method(*args: Any, **kwargs: Any) -> Any:
+            if args and name != "rvs":
+                library.read("y", args[0])  # It refuses arrays of others.
+            return getattr(Returned(self._on_host(), library), name)(*args, **kwargs)
 
         return method
 

@@ -386,14 +386,10 @@ class ToeplitzNormal:
 
         Examples
         --------
-        >>> import numpy as np
         >>> import toeplitz_mg as tmg
-        >>> process = tmg.ToeplitzNormal(np.exp(-np.arange(5.0)))
-        >>> given = process.conditional([1.0, np.nan, np.nan, np.nan, 1.0])
+        >>> given = tmg.ToeplitzNormal([2.0, 1.0, 0.5]).conditional([1.0, float("nan"), 1.0])
         >>> given.mean.round(3), given.std.round(3)
-        (array([1.   , 0.41 , 0.266, 0.41 , 1.   ]), array([0.   , 0.929, 0.982, 0.929, 0.   ]))
-        >>> given.rvs(3, random_state=0).shape
-        (3, 5)
+        (array([1. , 0.8, 1. ]), array([0.   , 1.095, 0.   ]))
         """
         rows, mask, lead = _check_series(y, observed, self.mean)
         if lead:
@@ -422,9 +418,8 @@ class ToeplitzNormal:
         Examples
         --------
         >>> import toeplitz_mg as tmg
-        >>> ahead = tmg.ToeplitzNormal([1.0, 0.5, 0.25, 0.125]).forecast([1.0, 2.0], 2)
-        >>> ahead.mean, ahead.interval(0.95)[1].round(3)
-        (array([1. , 0.5]), array([2.697, 2.398]))
+        >>> tmg.ToeplitzNormal([1.0, 0.5, 0.25, 0.125]).forecast([1.0, 2.0], 2).mean
+        array([1. , 0.5])
         """
         self._require_line("forecast")
         past = fill(y)
@@ -440,9 +435,7 @@ class ToeplitzNormal:
         return Prediction(given.mean[-steps:], np.sqrt(given.warned_variance()[-steps:]))
 
     def leave_one_out(self, y: ArrayLike, observed: ArrayLike | None = None) -> Prediction:
-        """Predict each value from all others that are observed.
-
-        Takes what `logpdf` takes: one series, or many.
+        """Predict each value from all others that are observed, of what `logpdf` takes.
 
         Returns
         -------
@@ -481,7 +474,8 @@ class ToeplitzNormal:
         Returns
         -------
         ndarray of shape ``(*size, n)``
-            Without the first axis where `size` is 1.
+            Without the first axis where `size` is 1. The error of their covariance is
+            `sampling_error`, at most 1e-6.
 
         Raises
         ------
@@ -489,12 +483,6 @@ class ToeplitzNormal:
             Where the covariance is not positive definite. With several axes also where its mirror
             images do not continue it to that of a periodic field: the message names a grid that is
             large enough.
-
-        Notes
-        -----
-        A sample is a part of one of a periodic process on a larger grid; or else, of one axis,
-        where the covariance does not decay, each number is drawn from those before it, in O(n²).
-        The error of the covariance is `sampling_error`, at most 1e-6.
 
         Examples
         --------
