@@ -514,13 +514,12 @@ class ToeplitzNormal:
 
     def _factorise(self, mask: Mask) -> Few:
         """Return the dense factor of what is observed."""
-        index = np.flatnonzero(mask)
-        if len(index) > largest_dense():
+        if mask.sum() > largest_dense():
             raise ValueError(
-                f"{len(index)} points are observed, but with gaps or noise a dense matrix is "
+                f"{mask.sum()} points are observed, but with gaps or noise a dense matrix is "
                 f"factorised, and {largest_dense()} points fill a quarter of the memory"
             )
-        return Few(self.A, index, self.noise)
+        return Few(self.A, mask, self.noise)
 
     def _require_line(self, method: str) -> None:
         """Refuse several axes."""
@@ -568,7 +567,15 @@ def _check_series(
                 "y has series with different gaps, but those of one call must have the same: give "
                 "one after the other"
             )
-    mask = _check_observed(np.ones(shape, dtype=bool) if observed is None else observed, shape)
+    everywhere = np.ones(shape, dtype=bool)
+    mask = refuse_masked("observed", everywhere if observed is None else observed).copy()
+    if mask.dtype != np.bool_:
+        raise TypeError(f"observed has dtype {mask.dtype}, but must be of booleans")
+    if mask.shape != shape:
+        raise ValueError(f"observed has shape {mask.shape}, but must have that of c, {shape}")
+    if not mask.any():
+        raise ValueError("y is observed nowhere, but must be somewhere")
+    mask.flags.writeable = False
     residual -= mean
     residual[..., ~mask] = 0.0
     wrong = np.argwhere(~np.isfinite(residual)).tolist()
@@ -577,17 +584,3 @@ def _check_series(
         more = f" and {len(wrong) - SHOWN} more positions" if len(wrong) > SHOWN else ""
         raise ValueError(f"y is not finite at {named}{more}, but must be where it is observed")
     return residual.reshape(-1, mean.size), mask, lead
-
-
-def _check_observed(observed: ArrayLike, shape: tuple[int, ...]) -> Mask:
-    """Return a copy, that cannot be changed, of the mask of what is observed."""
-    mask = refuse_masked("observed", observed)
-    if mask.dtype != np.bool_:
-        raise TypeError(f"observed has dtype {mask.dtype}, but must be of booleans")
-    if mask.shape != shape:
-        raise ValueError(f"observed has shape {mask.shape}, but must have that of c, {shape}")
-    if not mask.any():
-        raise ValueError("y is observed nowhere, but must be somewhere")
-    mask = mask.copy()
-    mask.flags.writeable = False
-    return mask

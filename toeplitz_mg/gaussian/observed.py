@@ -219,12 +219,39 @@ class Gaps(Known):
 
 
 @dataclass(frozen=True)
-class Few(Known):
-    """A grid of any number of axes of which few points are observed: the dense matrix."""
+class Scattered(Known):
+    """A grid of any number of axes that is observed anywhere, with noise that differs by point."""
 
     A: ToeplitzOperator
-    index: Array
+    mask: Mask
     noise: Array | None = None
+
+    def variances(self) -> Array:
+        """Return the diagonal of A_mm - A_mo A_oo⁻¹ A_om, with the noise of what is missing."""
+        inside = self.mask.ravel()
+        missing = np.flatnonzero(~inside)
+        variances = np.full(len(missing), float(self.A.c.flat[0]))
+        if self.noise is not None:
+            variances += self.noise[~self.mask]
+        for first in range(0, len(missing), PART):
+            rows = slice(first, first + PART)
+            Y = self.A.entries(missing[rows], np.arange(len(inside))) * inside
+            variances[rows] -= self.squares(Y)
+        return np.maximum(variances, 0.0)
+
+    def squares(self, Y: Rows) -> Array:
+        """Return yᵀ A_oo⁻¹ y for each row y."""
+        return self.solve(Y)[1]
+
+
+@dataclass(frozen=True)
+class Few(Scattered):
+    """A grid of which few points are observed: the dense matrix."""
+
+    @cached_property
+    def index(self) -> Array:
+        """The observed points."""
+        return np.flatnonzero(self.mask)
 
     @cached_property
     def _factor(self) -> Array:
@@ -286,11 +313,10 @@ class Few(Known):
         sums[:, 0] -= 0.5 * (np.vecdot(alphas, alphas) - inverse.trace())
         return sums
 
-    def variances(self) -> Array:
-        """Return the diagonal of A_mm - A_mo A_oo⁻¹ A_om, with the noise of what is missing."""
-        missing = np.delete(np.arange(self.A.shape[0]), self.index)
-        W = solve_triangular(self._factor, self.A.entries(self.index, missing), lower=True)
-        return _variances(self, missing, np.vecdot(W.T, W.T))
+    def squares(self, Y: Rows) -> Array:
+        """Return |L⁻¹ y_o|² for each row y, at half the price of a solve."""
+        X = solve_triangular(self._factor, Y[:, self.index].T, lower=True)
+        return np.vecdot(X.T, X.T)
 
     def inverse_diagonal(self) -> Array:
         """Return the diagonal of A_oo⁻¹, extended by zeros."""
@@ -300,12 +326,8 @@ class Few(Known):
 
 
 @dataclass(frozen=True)
-class Many(Known):
-    """A grid of any number of axes, by iteration: no determinant."""
-
-    A: ToeplitzOperator
-    mask: Mask
-    noise: Array | None = None
+class Many(Scattered):
+    """A grid of which many points are observed, by iteration: no determinant."""
 
     @cached_property
     def _operators(self) -> tuple[LinearOperator, LinearOperator]:
@@ -338,17 +360,6 @@ class Many(Known):
                 )
         return X, np.vecdot(Y, X)
 
-    def variances(self) -> Array:
-        """Return the diagonal of A_mm - A_mo A_oo⁻¹ A_om, with the noise of what is missing."""
-        inside = self.mask.ravel()
-        missing = np.flatnonzero(~inside)
-        squares = np.empty(len(missing))
-        for first in range(0, len(missing), PART):
-            rows = slice(first, first + PART)
-            Y = self.A.entries(missing[rows], np.arange(len(inside))) * inside
-            squares[rows] = self.solve(Y)[1]
-        return _variances(self, missing, squares)
-
     def logdet(self, *_: Rows) -> Any:
         """Raise the ValueError that says why it is not known."""
         observed = np.count_nonzero(self.mask)
@@ -368,14 +379,6 @@ class Many(Known):
 
 
 Observed = Whole | Gaps | Few | Many
-
-
-def _variances(known: Few | Many, points: Array, explained: Array) -> Array:
-    """Return the variances of points, with their noise, less what is explained."""
-    variance = float(known.A.c.flat[0]) - explained
-    if known.noise is not None:
-        variance += known.noise.ravel()[points]
-    return np.maximum(variance, 0.0)
 
 
 def largest_dense() -> int:
@@ -405,7 +408,7 @@ def observe(whole: Whole, mask: Mask, noise: Array | None = None, *, dense: int 
     if mask.ndim == 1 and noise is None and missing <= MOST and missing < observed:
         return Gaps(whole, np.flatnonzero(~mask)) if missing else whole
     if observed <= dense:
-        return Few(whole.A, np.flatnonzero(mask), noise)
+        return Few(whole.A, mask, noise)
     return Many(whole.A, mask, noise)
 
 
