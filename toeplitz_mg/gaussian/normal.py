@@ -182,7 +182,7 @@ class ToeplitzNormal:
 
     @property
     def logdet(self) -> float:
-        """The log-determinant of A (see `toeplitz_logdet`)."""
+        """The log-determinant of A, with `noise` if there is some (see `toeplitz_logdet`)."""
         known = self._observe(np.ones(self.shape, dtype=bool))
         warn(known.doubt, stacklevel=2)
         return known.logdet()
