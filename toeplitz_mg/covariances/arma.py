@@ -65,9 +65,7 @@ class ARMA(LinearProcess):
         super().__init__(sigma2=sigma2, ar=ar, ma=ma)
 
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        (sigma2,) = self._values("sigma2")
-        values, by = arma(lags.steps("ARMA"), self._values("ar"), self._values("ma"), wanted)
-        return sigma2 * values, {name: sigma2 * by[name] for name in by} | {"sigma2": values}
+        return arma(lags.steps("ARMA"), self._values("ar"), self._values("ma"), wanted)
 
 
 class ARFIMA(LinearProcess):
@@ -107,7 +105,7 @@ class ARFIMA(LinearProcess):
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         from scipy.signal import oaconvolve
 
-        n, (sigma2,), (d,) = lags.steps("ARFIMA"), self._values("sigma2"), self._values("d")
+        n, (d,) = lags.steps("ARFIMA"), self._values("d")
         ar, ma = self._values("ar"), self._values("ma")
         radius = max([1e-9, *abs(np.roots([1.0, *np.negative(ar)]))])
         if radius > CLOSEST:
@@ -126,11 +124,10 @@ class ARFIMA(LinearProcess):
             mirrored = np.concatenate((f[length - 1 : 0 : -1], f))
             return oaconvolve(mirrored, np.concatenate((g[:0:-1], g)), "valid")
 
-        values = convolve(long, short)
-        by = {name: sigma2 * convolve(long, g) for name, g in by_short.items()}
+        by = {name: convolve(long, g) for name, g in by_short.items()}
         if "d" in wanted:
-            by["d"] = sigma2 * convolve(by_long, short)
-        return sigma2 * values, by | {"sigma2": values}
+            by["d"] = convolve(by_long, short)
+        return convolve(long, short), by
 
 
 def has_roots_outside(coefficients: Sequence[float]) -> bool:

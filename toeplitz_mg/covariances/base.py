@@ -132,15 +132,9 @@ class Covariance:
     __array_ufunc__ = None  # So that numbers of NumPy leave products to this class.
     _parameters: tuple[Parameter, ...]
 
-    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        """Return the values, and the derivatives by the parameters of these names at least."""
-        raise NotImplementedError
-
     def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
         """Return the values, and the derivatives by the free parameters if they are wanted."""
-        wanted = self.names if wants_gradient else ()
-        values, by = self._derive(lags, frozenset(wanted))
-        return values, [by[name] for name in wanted]
+        raise NotImplementedError
 
     def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
         """Return it with other values of the parameters, or with others free."""
@@ -241,7 +235,7 @@ class Covariance:
 
 
 class Kernel(Covariance):
-    """A covariance whose parameters are the arguments of its constructor."""
+    """A covariance whose parameters are the arguments of its constructor, first its variance σ²."""
 
     def __init__(self, **given: Any) -> None:
         parameters: list[Parameter] = []
@@ -258,6 +252,16 @@ class Kernel(Covariance):
                 parameters.append(Parameter(name, group, each, *bounds))
         self._parameters = tuple(parameters)
         self._check()
+
+    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+        """Return ρ, the values over σ², and its derivatives by the others of these parameters."""
+        raise NotImplementedError
+
+    def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
+        variance, wanted = self._parameters[0], self.names if wants_gradient else ()
+        rho, by = self._derive(lags, frozenset(wanted))
+        rows = [rho if name == variance.name else variance.value * by[name] for name in wanted]
+        return variance.value * rho, rows
 
     def _values(self, group: str) -> tuple[float, ...]:
         """Return the values of an argument."""
@@ -393,27 +397,25 @@ class Custom(Covariance):
             for name, *each in zip(names, values.tolist(), *limits.T.tolist(), strict=True)
         )
 
-    def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
+    def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
         x = np.stack(np.broadcast_arrays(*lags.distances()))
         x = x[0] if len(lags.shape) == 1 else x
         theta = [p.value for p in self._parameters]
         values = self._shaped("function", self._function(x, *theta), lags.shape)
-        if not wanted:
-            return values, {}
-        shape = (len(theta), *lags.shape)
-        if self._gradient is not None:
-            rows = self._shaped("gradient", self._gradient(x, *theta), shape)
-            return values, {p.name: row for p, row in zip(self._parameters, rows, strict=True)}
-        by = {}
-        for i, p in enumerate(self._parameters):
-            if p.name in wanted:
-                step = STEP * (abs(p.value) or 1.0)
-                step = min(step, 0.5 * (p.value - p.low), 0.5 * (p.high - p.value))
-                above, below = p.value + step, p.value - step
-                high = self._function(x, *theta[:i], above, *theta[i + 1 :])
-                low = self._function(x, *theta[:i], below, *theta[i + 1 :])
-                by[p.name] = (np.asarray(high) - np.asarray(low)) / (above - below)
-        return values, by
+        free = [i for i, p in enumerate(self._parameters) if p.is_free and wants_gradient]
+        if self._gradient is not None and free:
+            shape = (len(theta), *lags.shape)
+            return values, [*self._shaped("gradient", self._gradient(x, *theta), shape)[free]]
+        rows = []
+        for i in free:
+            p = self._parameters[i]
+            step = STEP * (abs(p.value) or 1.0)
+            step = min(step, 0.5 * (p.value - p.low), 0.5 * (p.high - p.value))
+            above, below = p.value + step, p.value - step
+            high = self._function(x, *theta[:i], above, *theta[i + 1 :])
+            low = self._function(x, *theta[:i], below, *theta[i + 1 :])
+            rows.append((np.asarray(high) - np.asarray(low)) / (above - below))
+        return values, rows
 
     @staticmethod
     def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -35,7 +35,7 @@ class WhiteNoise(Kernel):
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
         unit = np.zeros(lags.shape)
         unit.flat[0] = 1.0
-        return self._values("variance")[0] * unit, {"variance": unit}
+        return unit, {}
 
 
 class Radial(Kernel):
@@ -49,20 +49,18 @@ class Radial(Kernel):
         raise NotImplementedError
 
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        lengths, (variance,) = self._values("length"), self._values("variance")
+        lengths = self._values("length")
         each = lags.by_axis(lengths, "length")
         parts = [x / scale for x, scale in zip(lags.distances(), each, strict=True)]
         r = reduce(np.hypot, parts)
         rho, slope, by = self._profile(r, wanted)
-        by = {name: variance * derivative for name, derivative in by.items()}
-        by["variance"] = rho
         if len(lengths) == 1:
-            by[self._names("length")[0]] = (variance / lengths[0]) * slope
+            by[self._names("length")[0]] = slope / lengths[0]
         elif wanted:
             for name, part, scale in zip(self._names("length"), parts, lengths, strict=True):
                 share = np.divide(part, r, out=np.zeros(lags.shape), where=r > 0.0)
-                by[name] = (variance / scale) * slope * share**2
-        return variance * rho, by
+                by[name] = slope * share**2 / scale
+        return rho, by
 
 
 class Exponential(Radial):
@@ -201,18 +199,16 @@ class Periodic(Kernel):
         super().__init__(variance=variance, length=length, period=period)
 
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        (variance,), (length,) = self._values("variance"), self._values("length")
+        (length,) = self._values("length")
         periods = lags.by_axis(self._values("period"), "period")
         turns = list(lags.turns(periods))
         exponent = sum(2.0 * (np.sin(pi * turn) / length) ** 2 for turn in turns)
-        rho = np.exp(-np.minimum(exponent, FAR))
-        values = variance * rho
-        by = {"variance": rho}
+        rho, by = np.exp(-np.minimum(exponent, FAR)), Derivatives()
         if wanted:
-            by["length"] = 2.0 / length * exponent * values
-            slopes = (values / length**2 * np.sin(2.0 * pi * turn) for turn in turns)
-            by |= differentiate_by_periods(self._names("period"), lags, periods, slopes)
-        return values, by
+            slopes = (rho / length**2 * np.sin(2.0 * pi * turn) for turn in turns)
+            by = differentiate_by_periods(self._names("period"), lags, periods, slopes)
+            by["length"] = 2.0 / length * exponent * rho
+        return rho, by
 
 
 class DampedCosine(Exponential):

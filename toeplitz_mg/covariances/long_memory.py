@@ -47,10 +47,9 @@ class FractionalGaussianNoise(Kernel):
         super().__init__(variance=variance, hurst=hurst)
 
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        n = lags.steps("FractionalGaussianNoise")
-        (variance,), (hurst,) = self._values("variance"), self._values("hurst")
-        rho, by_hurst = fractional_noise(n, hurst)
-        return variance * rho, {"variance": rho, "hurst": variance * by_hurst}
+        (hurst,) = self._values("hurst")
+        rho, by_hurst = fractional_noise(lags.steps("FractionalGaussianNoise"), hurst)
+        return rho, {"hurst": by_hurst}
 
 
 def fractional_noise(n: int, H: float) -> tuple[Array, Array]:
