@@ -147,11 +147,10 @@ class NormalFit:
         z, errors = quantile(confidence), np.array([*self.std_errors.values()])
         estimates, p = np.array([*self.params.values()]), len(self.covariance.theta)
         low, high = estimates - z * errors, estimates + z * errors
-        if p:
-            transform = Transform.of(self.covariance)
-            u = transform.forward(estimates[:p])
-            margin = z * errors[:p] / transform.slopes(u)
-            low[:p], high[:p] = transform.back(u - margin), transform.back(u + margin)
+        transform = Transform.of(self.covariance)
+        u = transform.forward(estimates[:p])
+        margin = z * errors[:p] / transform.slopes(u)
+        low[:p], high[:p] = transform.back(u - margin), transform.back(u + margin)
         ends = zip(low.tolist(), high.tolist(), strict=True)
         return dict(zip(self.params, ends, strict=True))
 
