@@ -307,10 +307,10 @@ def fit_normal(
     names = (*covariance.names, *model.names)
     if len({*names}) < len(names):
         raise ValueError(f"the parameters have the names {names}, but each must have its own")
-    data, R, start = _arrange(labels.values, model, len(covariance.theta))
-    maxiter = count("maxiter", maxiter)
-    search = Search(data, covariance, model.spacing, method == "reml", maxiter)
-    best, p = search.best, len(covariance.theta)
+    p = len(covariance.theta)
+    data, R, start = _arrange(labels.values, model, p, method == "reml")
+    search = Search(data, covariance, model.spacing, count("maxiter", maxiter))
+    best = search.best
     inverse = np.linalg.inv(best.factor.T @ R)
     params = np.append(search.theta, start + np.linalg.solve(R, best.coefficients))
     errors = np.full((len(params), len(params)), np.nan)
@@ -333,7 +333,7 @@ def fit_normal(
         loglikelihood=best.value,
         method=method,
         spacing=model.spacing,
-        n_observed=data.n_observed,
+        n_observed=int(np.count_nonzero(data.mask)),
         converged=search.converged,
         iterations=search.iterations,
         at_bounds=at_bounds,
@@ -354,7 +354,9 @@ def spread_mean(mean: Any, shape: tuple[int, ...]) -> Array:
         ) from None
 
 
-def _arrange(values: Array, model: Mean, parameters: int) -> tuple[Data, Array, Array]:
+def _arrange(
+    values: Array, model: Mean, parameters: int, restricted: bool
+) -> tuple[Data, Array, Array]:
     """Return what was observed, orthonormal regressors R⁻ᵀ X, R, and least squares of X."""
     mask = ~np.isnan(values)
     inside, X = mask.ravel(), model.rows(values.shape)
@@ -380,7 +382,7 @@ def _arrange(values: Array, model: Mean, parameters: int) -> tuple[Data, Array, 
     if not np.linalg.norm(residual) > RANK * np.linalg.norm(y):
         raise ValueError("y is a combination of the regressors, and has no variance to estimate")
     R = R * sizes
-    return Data(residual, rows, mask), R, np.linalg.solve(R, start)
+    return Data(residual, rows, mask, restricted), R, np.linalg.solve(R, start)
 
 
 def _warn(search: Search, best: Point, at_bounds: tuple[str, ...], is_known: bool) -> None:

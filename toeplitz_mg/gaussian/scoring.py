@@ -30,11 +30,12 @@ class Data:
     y: Array  # Of shape (n,), without what least squares tell of the regressors.
     Q: Rows  # Orthonormal rows that span the regressors.
     mask: Mask  # Where it was observed, of the shape of the grid.
+    restricted: bool  # Whether the likelihood is that of what the regressors do not change.
 
-    @cached_property
-    def n_observed(self) -> int:
-        """The number of observed points."""
-        return int(np.count_nonzero(self.mask))
+    @property
+    def size(self) -> int:
+        """The number of values whose likelihood it is."""
+        return int(np.count_nonzero(self.mask)) - self.restricted * len(self.Q)
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,6 @@ class Point:
     """The likelihood of a covariance, and its derivatives, at the best coefficients."""
 
     data: Data
-    restricted: bool
     c: Array
     derivatives: Array  # Of the covariances by the parameters.
 
@@ -123,9 +123,8 @@ class Point:
     @cached_property
     def value(self) -> float:
         """The logarithm of the likelihood."""
-        size = self.data.n_observed - self.restricted * len(self.data.Q)
-        twice = self.residual[1][0] + self.known.logdet() + size * np.log(2.0 * np.pi)
-        if self.restricted:
+        twice = self.residual[1][0] + self.known.logdet() + self.data.size * np.log(2.0 * np.pi)
+        if self.data.restricted:
             twice += 2.0 * np.log(self.factor.diagonal()).sum()
         return -0.5 * float(twice)
 
@@ -133,7 +132,7 @@ class Point:
     def gradient(self) -> Array:
         """Its derivatives by the parameters."""
         rows = self.residual[0]
-        if self.restricted:
+        if self.data.restricted:
             rows = np.vstack([rows, self._whitened, np.zeros_like(rows)])
         by_c = self.known.by_covariances(rows)
         total: Array = by_c[0] + (by_c[1:-1] - by_c[-1]).sum(axis=0)
@@ -143,7 +142,7 @@ class Point:
     def information(self) -> Array:
         """Fisher's information on the parameters."""
         information = covariance_information(self.known, self.derivatives)
-        if self.restricted and len(self.data.Q):
+        if self.data.restricted and len(self.data.Q):
             Z, inside = self._whitened, self.data.mask.ravel()
             information -= information_of_contrasts(self.known, Z, inside, self.derivatives)
         return information
@@ -170,11 +169,8 @@ class Point:
 class Search:
     """A search for the largest likelihood, by steps of scoring in a trust region."""
 
-    def __init__(
-        self, data: Data, covariance: Covariance, spacing: Any, restricted: bool, maxiter: int
-    ) -> None:
+    def __init__(self, data: Data, covariance: Covariance, spacing: Any, maxiter: int) -> None:
         self.data, self.covariance, self.spacing = data, covariance, spacing
-        self.restricted = restricted
         self.u = np.empty(0)  # The transformed parameters that were found.
         self.flat = np.empty(0, dtype=bool)  # Which parameters have come to a bound.
         self.iterations, self.converged = 0, True
@@ -185,10 +181,8 @@ class Search:
 
     def point(self, theta: Array) -> Point:
         """Return the likelihood of these parameters."""
-        values = self.covariance.with_theta(theta).values_and_gradient(
-            self.data.mask.shape, spacing=self.spacing
-        )
-        return Point(self.data, self.restricted, *values)
+        k, shape = self.covariance.with_theta(theta), self.data.mask.shape
+        return Point(self.data, *k.values_and_gradient(shape, spacing=self.spacing))
 
     @property
     def theta(self) -> Array:
@@ -268,8 +262,7 @@ class Search:
         chosen = weights == 1.0
         if not (np.allclose(chosen @ slopes, c) and chosen.any()):
             return theta
-        size = self.data.n_observed - self.restricted * len(self.data.Q)
-        scaled = np.where(chosen, point.residual[1][0] / size * theta, theta)
+        scaled = np.where(chosen, point.residual[1][0] / self.data.size * theta, theta)
         return theta if self._at(self._transform.forward(scaled)) is None else scaled
 
     def _identify(self) -> None:
