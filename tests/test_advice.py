@@ -179,7 +179,7 @@ def test_a_negative_matrix_is_one_of_the_other_sign():
         for make in ALL.values():
             refused = refusal(make, A)
             if make is not tmg.toeplitz_inverse and "must" not in refused[0]:
-                assert "where -A is positive definite solve -A x = -b" in refused[0]
+                assert "if -A is positive definite solve -A x = -b" in refused[0]
     A = tmg.ToeplitzOperator(line(40)["contact"][0]) + diags_array(np.ones(40))
     refuses(np.linalg.LinAlgError, "solve -A x = -b", tmg.default_preconditioner, -1 * A)
 
@@ -234,7 +234,7 @@ def test_complex_matrices_are_named_as_they_are_and_sent_to_what_solves_them():
     # What stands for it is Hermitian, and of that it is told how to solve it, but not alone.
     S = dict(general())["complex sum"]
     for make in (tmg.cosine_preconditioner, tmg.tau_preconditioner, tmg.fsai_preconditioner):
-        refuses(ValueError, "or gmres where A stands for a sum that is", make, S)
+        refuses(ValueError, "or gmres if A stands for a sum that is", make, S)
     c = 3.0 ** -np.arange(9.0)
     A = tmg.ToeplitzOperator(c, 1j * c)
     for make in (tmg.tau_preconditioner, tmg.cosine_preconditioner):

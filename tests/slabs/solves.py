@@ -275,7 +275,7 @@ def test_what_is_not_positive_definite_is_refused_by_all(comm):
         c = np.where(np.indices(shape).sum(axis=0) == 1, 1.0, 0.0)[slab.rows]
         A = slabs.ToeplitzOperator(c, slab)
         for name in NAMES:
-            text = "but needs all above"
+            text = "but all must be above"
             refuses(comm, np.linalg.LinAlgError, text, partial(getattr(slabs, name), A))
     _, info = tmg.cg(A, np.ones(A.shape[0]))
     assert set(comm.allgather(info)) == {info}

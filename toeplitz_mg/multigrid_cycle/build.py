@@ -132,23 +132,23 @@ def multigrid(
         count(name, value, least)
     if pre + post == 0:
         raise ValueError("pre and post are both 0, but a cycle must smooth at least once")
-    # An operator can be called too: it multiplies.
+    # Operators are callable too: calling one multiplies.
     if not (smoother is None or callable(smoother)) or isinstance(smoother, LinearOperator):
         raise TypeError(
-            f"smoother is {smoother!r}, but must be a function of the matrix of a level, as "
-            "fft_rsm_preconditioner is"
+            f"smoother is {smoother!r}, but must be a function of the matrix of a level, such as "
+            "fft_rsm_preconditioner"
         )
     if not isinstance(interpolation, Interpolation):
         raise TypeError(f"interpolation is {interpolation!r}, but must be an Interpolation")
     if not (coarsen is None or callable(coarsen)):
         raise TypeError(f"coarsen is {coarsen!r}, but must map a matrix to the next coarser one")
-    unwrap_toeplitz(A)  # This refuses what is not a symmetric Toeplitz matrix.
+    unwrap_toeplitz(A)  # Raises an error unless A is a symmetric Toeplitz matrix.
     levels = build_levels(A, smoother, coarsest, interpolation, coarsen)
     M = Multigrid(levels, pre, post, gamma)
     for k, level in enumerate(levels):
         if not level.converges:
             warnings.warn(
-                f"the smoother {level.smoother!r} diverges on level {k} of multigrid, as its "
+                f"the smoother {level.smoother!r} diverges on level {k} of multigrid, because its "
                 "product with the matrix has an eigenvalue of about 2 or more: the cycle may "
                 "diverge, and be no preconditioner for cg. The default smoother converges",
                 stacklevel=3,

@@ -1,4 +1,4 @@
-"""The multigrid cycle, written once, as a linear operator."""
+"""The multigrid cycle as a linear operator."""
 
 from dataclasses import replace
 from functools import partial
@@ -48,7 +48,8 @@ class Multigrid(GridOperator):
         self.pre = pre
         self.post = post
         self.gamma = gamma
-        # They are made from the coarsest up, as a border needs the cycle of the next coarser level.
+        # Build from the coarsest level up, because a border needs the cycle of the next coarser
+        # one.
         self.levels = levels[-1:]
         for level in reversed(levels[:-1]):
             assert level.transfer is not None
@@ -69,7 +70,7 @@ class Multigrid(GridOperator):
         return X
 
     def _cycle(self, levels: tuple[Level, ...], b: Array, x: Array) -> None:
-        """Write to x one cycle from a zero guess: smooth, correct on the coarse grid, smooth."""
+        """Write one cycle from a zero guess to x: smooth, correct on the coarse grid, smooth."""
         A, S = levels[0].A, levels[0].smoother
         is_coarsest = levels[0].transfer is None
         pre = _steps_on_coarsest(levels[0], self.pre + self.post) if is_coarsest else self.pre
@@ -91,7 +92,7 @@ class Multigrid(GridOperator):
             x += apply_to_rows(S, r, r)
 
     def _correct(self, levels: tuple[Level, ...], r: Array, x: Array) -> None:
-        """Write to x, which may be r, the correction of the coarse grid for the residual r."""
+        """Write the coarse-grid correction for the residual r to x, which may be r."""
         transfer, border = levels[0].transfer, levels[0].border
         assert transfer is not None
         e = self._solve(levels[1:], transfer.restrict(r))
@@ -117,7 +118,7 @@ class Multigrid(GridOperator):
 
     @property
     def is_hermitian(self) -> bool | None:
-        """Whether the cycle is symmetric; None if this is not known of a smoother."""
+        """Whether the cycle is symmetric; None if a smoother does not tell."""
         smoothers = [algebra.is_hermitian(level.smoother) for level in self.levels]
         if self.pre != self.post or False in smoothers:
             return False
@@ -127,13 +128,13 @@ class Multigrid(GridOperator):
     def is_definite(self) -> bool:
         """Whether the cycle is symmetric positive definite by construction, as `cg` requires.
 
-        With K = I - S A, v steps before and after, and the coarse cycle B it is
+        With K = I - S A, v smoothing steps before and after, and the coarse cycle B it is
 
-            A⁻¹ - Kᵛ A⁻¹ Kᵛᵀ + Kᵛ P B Pᵀ Kᵛᵀ,
+            A⁻¹ - Kᵛ A⁻¹ Kᵛᵀ + Kᵛ P B Pᵀ Kᵛᵀ.
 
-        which is definite where S is symmetric and converges and B is definite. So is a coarse
-        V-cycle, by induction, and a W-cycle 2 B - B A B if B A has no eigenvalue above 2, as where
-        the coarse matrices are those of `galerkin`, which are not below R A P, or hardly so.
+        This is definite if S is symmetric and converges and B is definite; by induction a coarse
+        V-cycle is. A W-cycle 2 B - B A B is too if B A has no eigenvalue above 2, as with
+        `galerkin`, whose matrices are hardly ever below R A P.
         """
         is_nested = self.gamma % 2 == 1 or all(level.is_galerkin for level in self.levels)
         return (
@@ -164,9 +165,9 @@ class Multigrid(GridOperator):
 
 def _work(levels: tuple[Level, ...], pre: int, post: int, gamma: int) -> float:
     """Return the work of one cycle, in products on the whole finest grid."""
-    # Counted on each level are the smoothing steps; a residual before each but the first from a
-    # zero guess, and one for the coarse grid, unless the guess still is zero; and the residuals
-    # between the cycles of a W.
+    # Count on each level the smoothing steps; a residual before each step except the first from a
+    # zero guess; one residual for the coarse grid, unless the guess is zero; and the residuals
+    # between the cycles of a W-cycle.
     points, cycles = 0.0, 1
     for k, level in enumerate(levels):
         again = cycles - cycles // gamma if k and not level.is_exact else 0

@@ -1,4 +1,4 @@
-"""The list of levels: on each a matrix, a smoother and the way to the next coarser one."""
+"""The list of levels, each with a matrix, a smoother and the transfer to the next coarser grid."""
 
 import warnings
 from contextlib import suppress
@@ -20,11 +20,11 @@ from toeplitz_mg.preconditioners.direct import DenseInverse
 from toeplitz_mg.preconditioners.row_sum import modify_row_sums
 from toeplitz_mg.preconditioners.traits import fragmentation
 
-# Unknowns of the largest matrix that is factorised where no coarser grid can be had: it takes
-# 32 MB, and its factorisation a tenth of a second.
+# Largest matrix that is factorised if there is no coarser grid: it takes 32 MB, and a tenth of a
+# second.
 LARGEST_DENSE = 2048
-STEPS = 10  # Steps of Lanczos's method with a smoother and its matrix: two work units each.
-CONVERGENT = 1.9  # Largest Ritz value of S A with which a smoother is taken to converge.
+STEPS = 10  # Lanczos steps for a smoother and its matrix; a step costs two work units.
+CONVERGENT = 1.9  # Largest Ritz value of S A for which a smoother is assumed to converge.
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,11 @@ class Level:
     transfer : Transfer or None
         To and from the next coarser grid; None on the coarsest.
     converges : bool
-        Whether the smoother converges, 0 < λ(S A) < 2, or is not known to be symmetric.
+        Whether the smoother converges, 0 < λ(S A) < 2; True if it is not known to be symmetric.
     is_galerkin : bool
         Whether the matrix of the next coarser grid is that of `galerkin`.
     border : Border or None
-        The fine unknowns that are solved for together with the coarse grid, once the level is part
-        of a `Multigrid`.
+        The fine unknowns that are solved together with the coarse grid; set by `Multigrid`.
     """
 
     A: LinearOperator
@@ -57,7 +56,7 @@ class Level:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the smoother is the inverse, so that once is enough."""
+        """Whether the smoother is the exact inverse, so that one step is enough."""
         return isinstance(self.smoother, DenseInverse)
 
 
@@ -68,19 +67,18 @@ def build_levels(
     interpolation: Interpolation,
     coarsen: Coarsening | None,
 ) -> tuple[Level, ...]:
-    """Coarsen `A` until at most `coarsest` unknowns are left, which are solved directly.
+    """Return levels from `A` down to at most `coarsest` unknowns, which are solved directly.
 
-    So are up to 2048 unknowns of a mask on which no coarse element is active as a whole, or of a
-    coarse grid that a given smoother refuses: on a handful of elements the embedding of a Galerkin
-    matrix says little of its inverse. Of more unknowns without a coarse grid the smoother takes
-    all steps of the cycle.
+    Up to 2048 unknowns are also solved directly if no coarse element of a mask is fully active, or
+    if a given smoother refuses a coarse grid: with few elements the embedding of a Galerkin matrix
+    says little about its inverse. More unknowns without a coarse grid are only smoothed.
 
     Raises
     ------
     ValueError
-        If a smoother or a coarse matrix has not the shape that it must have.
+        If a smoother or a coarse matrix has the wrong shape.
     TypeError
-        If a smoother is not a linear operator, or complex, or a coarse matrix not a Toeplitz
+        If a smoother is not a linear operator, or complex, or if a coarse matrix is not a Toeplitz
         operator.
     """
     levels: list[Level] = []
@@ -95,7 +93,7 @@ def build_levels(
                 if smoother is not None:
                     warnings.warn(
                         f"the smoother refuses level {len(levels)} of multigrid, which is solved "
-                        f"directly in the place of {coarsest} unknowns: {error}",
+                        f"directly instead of {coarsest} unknowns: {error}",
                         stacklevel=4,
                     )
                 break
@@ -118,7 +116,7 @@ def build_levels(
 def _make_smoother(
     smoother: Preconditioner | None, A: LinearOperator, transfer: Transfer
 ) -> tuple[LinearOperator, bool]:
-    """Return the smoother of a level, and whether it converges or is not known to be symmetric."""
+    """Return the smoother of a level, and whether it converges (True if that is not known)."""
     if smoother is None:
         return _default_smoother(A, transfer), True
     S = aslinearoperator(smoother(A))
@@ -133,10 +131,10 @@ def _make_smoother(
 
 
 def _default_smoother(A: LinearOperator, transfer: Transfer) -> LinearOperator:
-    """Return M̄ where it converges and the coarse grid, or its border, covers nearly all unknowns.
+    """Return M̄ if it converges and the coarse grid, or its border, covers nearly all unknowns.
 
-    Elsewhere it is the default preconditioner, which is positive definite, over the largest
-    eigenvalue of its product with `A`, so that it converges too.
+    Otherwise return the default preconditioner, which is positive definite, divided by the largest
+    eigenvalue of its product with `A`, so that it converges.
     """
     mask = transfer.fine_mask
     is_blob = mask is not None and fragmentation(mask) <= COMPACT
@@ -145,7 +143,7 @@ def _default_smoother(A: LinearOperator, transfer: Transfer) -> LinearOperator:
             M_bar = modify_row_sums(A)
             if M_bar.converges(A):
                 return M_bar
-    # On a blob the choice for one solve is a sine transform, which smooths its edge badly.
+    # For one solve on a blob a sine transform would be selected, which smooths its edge badly.
     S = default_preconditioner(A, solves=2 if is_blob else 1)
     if isinstance(S, DenseInverse):
         return S  # A coarser grid would only add rounding.

@@ -1,4 +1,4 @@
-"""Between a grid and the next coarser: restriction, interpolation, and the coarse matrices."""
+"""Transfer between a grid and the next coarser one: restriction, interpolation, coarse matrices."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,28 +19,28 @@ from toeplitz_mg.multigrid_cycle.interpolation import (
 from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.operators.lifting import unwrap_toeplitz
 
-# Coupling of neighbours along an axis, relative to the strongest one, below which that axis is not
-# coarsened: the smoother leaves errors that vary along it from element to element.
+# An axis is not coarsened if the coupling of neighbours along it, relative to the strongest axis,
+# is below this: the smoother leaves errors that vary along it from element to element.
 WEAK_COUPLING = 0.5
 
-# The interpolation along each axis, None where it is not coarsened.
+# The interpolation along each axis; None if it is not coarsened.
 ByAxis = tuple[Interpolation | AreaWeighted | None, ...]
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """Restriction and interpolation between a grid, or the unknowns of a mask, and the next.
+    """Restriction and interpolation between a grid, or a mask, and the next coarser one.
 
     Attributes
     ----------
     interpolation : Interpolation
     by_axis : tuple of Interpolation or None
-        The interpolation along each axis, None where it is not coarsened.
+        The interpolation along each axis; None if it is not coarsened.
     fine_shape : tuple of int
-    fine_mask, coarse_mask : ndarray of bool, or None where the whole grid is unknown
+    fine_mask, coarse_mask : ndarray of bool, or None if the whole grid is unknown
     leftover : ndarray of int
-        The fine unknowns that belong to no coarse one: at the end of a grid of one axis, and the
-        active elements of a coarse element that is not active.
+        The fine unknowns that belong to no coarse one: at the end of a grid of one axis, or in a
+        coarse element that is not active.
     """
 
     interpolation: Interpolation
@@ -52,7 +52,7 @@ class Transfer:
 
     @classmethod
     def of(cls, A: LinearOperator, interpolation: Interpolation = piecewise_constant) -> "Transfer":
-        """Decide the coarse grid of `A`, which may have no unknowns (`has_coarse_grid`)."""
+        """Choose the coarse grid of `A`; it may have no unknowns (see `has_coarse_grid`)."""
         full, mask = unwrap_toeplitz(A)
         by_axis = _by_axis(full, interpolation)
         active = np.ones(full.grid_shape, dtype=bool) if mask is None else mask
@@ -79,12 +79,12 @@ class Transfer:
 
     @property
     def has_coarse_grid(self) -> bool:
-        """Whether the coarse grid has unknowns, and is coarser than the fine one."""
+        """Whether the coarse grid has unknowns and is coarser than the fine one."""
         is_empty = self.coarse_mask is not None and not self.coarse_mask.any()
         return self.coarse_shape != self.fine_shape and not is_empty
 
     def coarse_matrix(self, A: LinearOperator) -> LinearOperator:
-        """Return R A P on the coarse grid, or the Toeplitz matrix near it (see `galerkin`)."""
+        """Return R A P on the coarse grid, or a Toeplitz matrix near it (see `galerkin`)."""
         lags = unwrap_toeplitz(A)[0].lags
         for axis, t in enumerate(self.by_axis):
             if t:
@@ -92,11 +92,11 @@ class Transfer:
         return self.on_coarse_mask(ToeplitzOperator.from_lags(lags))
 
     def on_coarse_mask(self, H: ToeplitzOperator) -> LinearOperator:
-        """Return a matrix of the whole coarse grid on the unknowns of that grid."""
+        """Restrict a matrix of the whole coarse grid to the unknowns of that grid."""
         return H if self.coarse_mask is None else MaskedOperator(H, self.coarse_mask)
 
     def check_coarse_matrix(self, H: LinearOperator) -> LinearOperator:
-        """Return what a function of the user gave, or say that it lives on another coarse grid."""
+        """Return a coarse matrix given by the user, if it fits the coarse grid."""
         full, mask = unwrap_toeplitz(H)
         if full.grid_shape != (shape := self.coarse_shape):
             raise ValueError(f"coarsen gave the grid {full.grid_shape}, but it must be {shape}")
@@ -110,15 +110,15 @@ class Transfer:
 
     @property
     def scale(self) -> float:
-        """The number s for which Pᵀ = s R, the product of those of the axes."""
+        """The number s with Pᵀ = s R, the product over the axes."""
         return prod(t.ratio(n) for n, t in zip(self.fine_shape, self.by_axis, strict=True) if t)
 
     @property
     def border_vectors(self) -> tuple[Array, Array]:
-        """Unknowns, shape (p, q), and weights (q,) of p vectors that enlarge the coarse space.
+        """Unknowns (p, q) and weights (q,) of p vectors that enlarge the coarse space.
 
-        At the end of a line it is one vector, the part of the next coarse element for which there
-        is room; elsewhere they are the unit vectors of the unknowns left over.
+        At the end of a line it is one vector, the part of the next coarse element that fits;
+        otherwise they are the unit vectors of the leftover unknowns.
         """
         if len(self.leftover) and len(self.fine_shape) == 1 and self.fine_mask is None:
             last = np.arange(2 * self.coarse_shape[0], self.fine_shape[0])
@@ -128,7 +128,7 @@ class Transfer:
     def restrict(self, r: Array) -> Array:
         """Average over the fine elements of each coarse one, axis by axis (Eq. 13).
 
-        The result is a `workspace`: what is to be kept for long had better be a copy.
+        The result is a `workspace`: copy it to keep it.
         """
         grid = _on_grid(r, self.fine_mask, self.fine_shape)
         rows = r.ndim - 1
@@ -151,7 +151,7 @@ class Transfer:
         return grid.reshape(*r.shape[:-1], prod(self.coarse_shape))
 
     def interpolate(self, e: Array, out: Array) -> None:
-        """Copy each coarse value to its fine elements, and zero to those left over (Eq. 14)."""
+        """Copy each coarse value to its fine elements, and zero to the leftover ones (Eq. 14)."""
         grid = _on_grid(e, self.coarse_mask, self.coarse_shape)
         if self.fine_mask is not None:
             fine = workspace((*e.shape[:-1], *self.fine_shape), e.dtype)
@@ -193,14 +193,14 @@ def _spread(coarse: Array, fine: Array, by_axis: ByAxis) -> None:
 
 
 def _by_axis(A: ToeplitzOperator, interpolation: Interpolation) -> ByAxis:
-    """Return the interpolation along each axis of `A`, or None where that is not coarsened.
+    """Return the interpolation along each axis of `A`; None for an axis that is not coarsened.
 
-    The axes along which neighbours are coupled most are coarsened. Where elements are stretched,
-    the smoother leaves errors that vary along the long side from element to element, which a
-    grid that is coarser in that direction cannot represent.
+    The axes with the strongest coupling of neighbours are coarsened. On stretched elements the
+    smoother leaves errors that vary along the long side from element to element, which a coarser
+    grid in that direction cannot represent.
 
-    Copies to an odd number of elements are `AreaWeighted`. Not on one axis: there R A P is
-    Toeplitz for the elements that have a partner, and the last one is cheap as a `Border`.
+    Copies to an odd number of elements are `AreaWeighted`, except on one axis: there R A P is
+    Toeplitz for the elements with a partner, and the last one is cheap as a `Border`.
     """
     strengths = [0.0] * len(A.grid_shape)
     for axis, n in enumerate(A.grid_shape):
@@ -248,10 +248,10 @@ def galerkin(
 
     Notes
     -----
-    Along each axis a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]), or, where the weights are w, the mean
-    of the a[2k+j] with half of w convolved with itself. For copies to an odd n on several axes,
-    with m = (n + 1)/2, the mean is over the a[j] by a hat about k n/m that is n/m wide on each
-    side, as it is, with n/m = 2, where n is even.
+    Along each axis a_H[k] = ½ (a[2k-1] + 2 a[2k] + a[2k+1]). With other weights w it is the mean of
+    the a[2k+j], weighted by half of w convolved with itself. For copies to an odd n on several
+    axes, with m = (n + 1)/2, it is the mean of the a[j] weighted by a hat about k n/m, n/m wide on
+    each side; for even n the hat is the same with n/m = 2.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What is multiplied: Toeplitz matrices of one or several axes, and their restrictions."""
+"""Operators that multiply: Toeplitz matrices of one or several axes, and matrices made of them."""
 
 from toeplitz_mg.operators.base import GridOperator, apply_to_rows
 from toeplitz_mg.operators.composed import BlockDiagonal, DiagonalisedOperator, DiagonallyScaled

@@ -1,7 +1,7 @@
-"""What +, -, *, /, @ and [] make of operators, as of the matrices that they are.
+"""The operators +, -, *, /, @ and [] of matrices.
 
-A class says in `scaled` and `plus` what numbers, diagonal matrices and operators of its kind make
-of it. Where it does not, SciPy composes operators, of which no preconditioner is known.
+The methods `scaled` and `plus` of a class return its combinations with numbers, diagonal matrices
+and operators of its kind. For others SciPy composes operators, which no preconditioner supports.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from toeplitz_mg.values import is_foreign, refuse_masked
 
 
 def read_factor(x: Any, n: int) -> Any:
-    """Return a number, of a diagonal sparse matrix its entries, else None.
+    """Return a number as it is, the entries of a diagonal sparse matrix, and None for all else.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def read_factor(x: Any, n: int) -> Any:
     2.0
     """
     if type(x) is np.ndarray:
-        if x.ndim > 0:  # This is a vector, or several.
+        if x.ndim > 0:  # One or several vectors.
             return None
         x = x[()]
     if np.ma.isMaskedArray(x):
         refuse_masked("x", x)
-    if is_foreign(x) and x.ndim == 0:  # With some libraries nearly every number is an array.
+    if is_foreign(x) and x.ndim == 0:  # In some libraries nearly every number is an array.
         x = library_of(x).to_numpy(x)[()]
     if issparse(x):
         return _read_diagonal(x, n)
@@ -68,14 +68,14 @@ def read_factor(x: Any, n: int) -> Any:
 
 
 def _read_diagonal(x: Any, n: int) -> Array | None:
-    """Return the entries of a sparse matrix of this size if it is diagonal, else None."""
+    """Return the entries of a sparse matrix if it is diagonal and of this size, else None."""
     if x.shape != (n, n) or x.dtype.kind not in "fciub":
         return None
     entries = x.tocoo()
     rows, columns = entries.coords
     if entries.data[rows != columns].any():
         return None
-    # Sums and products of integers and booleans would overflow, or saturate.
+    # Sums and products of integers and booleans would overflow or saturate.
     dtype = x.dtype if x.dtype.char in "fdFD" else "D" if x.dtype.kind == "c" else "d"
     diagonal = np.zeros(n, dtype)
     np.add.at(diagonal, rows, entries.data)
@@ -86,7 +86,7 @@ def _read_diagonal(x: Any, n: int) -> Array | None:
 
 
 def scaling(side: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a method of multiplication that scales by numbers and diagonals, left or right."""
+    """Return a multiplication method that scales by numbers and diagonals, on the left or right."""
 
     @wraps(method)
     def multiply(A: Any, x: Any) -> Any:
@@ -103,7 +103,7 @@ def scaling(side: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any]
 
 
 def _refuse_composition(A: Any, x: Any) -> None:
-    """Refuse what SciPy would compose: its operators make arrays of NumPy of all others."""
+    """Refuse compositions by SciPy on arrays of other libraries, which it would convert."""
     if not isinstance(x, LinearOperator):
         return
     names = {getattr(B, "library", NUMPY).name for B in (A, x)}
@@ -115,19 +115,19 @@ def _refuse_composition(A: Any, x: Any) -> None:
 
 
 def add(A: Any, x: Any) -> Any:
-    """Return A + x, for an operator or a sparse matrix; and for 0, with which `sum` begins."""
+    """Return A + x, for an operator or a sparse matrix x; also for 0, with which `sum` starts."""
     factor = read_factor(x, A.shape[0])
     if factor is not None and np.ndim(factor) == 0:
         if not factor:
             return A
         raise TypeError(
-            f"sums and differences of A and a number, as {x}, are not defined: in the place of s "
-            "put s * scipy.sparse.eye_array(n), which has it on the diagonal"
+            f"sums and differences of A and a number, as {x}, are not defined: instead of s "
+            "use s * scipy.sparse.eye_array(n), which has it on the diagonal"
         )
     if isinstance(x, np.ndarray):
         raise TypeError(
-            f"sums and differences of A and an array, of shape {x.shape}, are not defined: in its "
-            "place put scipy.sparse.diags_array(d), with d on the diagonal, or of a dense matrix "
+            f"sums and differences of A and an array, of shape {x.shape}, are not defined: use "
+            "scipy.sparse.diags_array(d), with d on the diagonal, or for a dense matrix "
             "aslinearoperator(matrix)"
         )
     other = x if factor is None else factor
@@ -143,7 +143,7 @@ def subtract(A: Any, x: Any) -> Any:
     """Return A - x."""
     if isinstance(x, LinearOperator):
         return LinearOperator.__sub__(A, x)
-    # Not A + (-x): that is another number where x is of unsigned integers.
+    # Not A + (-x), because unsigned integers have no negative.
     difference = add(-A, x)
     return NotImplemented if difference is NotImplemented else -difference
 
@@ -165,7 +165,7 @@ def divide(A: Any, x: Any) -> Any:
         return LinearOperator.__truediv__(A, x)
     if not factor:
         raise ZeroDivisionError(f"{A!r} is divided by {x}")
-    # A number of NumPy would give a quotient in its own precision.
+    # A NumPy scalar would give a quotient in its own precision.
     with np.errstate(over="ignore"):
         inverse = np.divide(1.0, factor, dtype=np.result_type(A.dtype, factor))
     if not np.isfinite(inverse):
@@ -174,7 +174,7 @@ def divide(A: Any, x: Any) -> Any:
 
 
 def power(A: Any, p: int) -> Any:
-    """Return A multiplied by itself, p times in all."""
+    """Return A to the power p."""
     _refuse_composition(A, A)
     return LinearOperator.__pow__(A, p)
 
@@ -185,7 +185,7 @@ def trace(A: Any) -> Any:
 
 
 def take(A: Any, index: Any) -> Any:
-    """Return the entry ``A[i, j]``; with slices a dense part of the matrix."""
+    """Return the entry ``A[i, j]``; for slices, a dense part of the matrix."""
     if not isinstance(index, tuple) or len(index) != 2:
         raise IndexError(f"the index is {index!r}, but must have a row and a column, as A[0, 1]")
     rows, columns = map(_positions, ("row", "column"), index, A.shape)
@@ -194,7 +194,7 @@ def take(A: Any, index: Any) -> Any:
 
 
 def _positions(name: str, index: Any, length: int) -> Any:
-    """Return an index, or those of a slice, as counted from 0."""
+    """Return an index, or the indices of a slice, counted from 0."""
     if isinstance(index, slice):
         return np.arange(length)[index]
     if np.ma.isMaskedArray(index):
@@ -208,16 +208,16 @@ def _positions(name: str, index: Any, length: int) -> Any:
     return k % length
 
 
-# What SciPy makes of operators, each with the `args` that it is made of.
+# SciPy's types for combined operators; their `args` are the operands.
 _I = aslinearoperator(np.eye(1))
 SUM, PRODUCT, MULTIPLE, POWER = type(_I + _I), type(_I @ _I), type(2.0 * _I), type(_I**2)
 
 
 def is_hermitian(A: Any) -> bool | None:
-    """Tell by what a matrix is made of whether it is Hermitian; None where that does not tell.
+    """Tell from the structure of an operator whether it is Hermitian; None if that is unknown.
 
-    A product is taken for Hermitian only where it is the same from both ends, as S A S is: that of
-    two Hermitian matrices is where they commute, which is not known.
+    A product counts as Hermitian only if it is the same from both ends, such as S A S. A product of
+    two Hermitian matrices is Hermitian if they commute, which is not known.
 
     Examples
     --------
@@ -226,7 +226,7 @@ def is_hermitian(A: Any) -> bool | None:
     >>> S = tmg.fft_preconditioner(A)
     >>> is_hermitian(2 * S - S @ A @ S), is_hermitian(S @ A)
     (True, False)
-    >>> is_hermitian(aslinearoperator(np.eye(3))) is None  # An array is not looked at.
+    >>> is_hermitian(aslinearoperator(np.eye(3))) is None  # The entries are not inspected.
     True
     """
     if not isinstance(A, LinearOperator):
@@ -246,7 +246,7 @@ def is_hermitian(A: Any) -> bool | None:
         return False if is_real and is_other and not isinstance(A, POWER) else None
     if hasattr(A, "is_hermitian"):
         return None if A.is_hermitian is None else bool(A.is_hermitian)
-    # An operator of this package is its own adjoint where it is Hermitian.
+    # A Hermitian operator of this package is its own adjoint.
     return A.H is A if hasattr(A, "grid_shape") else None
 
 

@@ -1,4 +1,4 @@
-"""The base of every operator: vectors are rows, on the last axis of an array."""
+"""The base class of all operators; vectors are rows, on the last axis of an array."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -17,11 +17,11 @@ from toeplitz_mg.engine.vectors import VECTORS, Vectors
 from toeplitz_mg.operators import algebra
 from toeplitz_mg.operators.coefficients import check_precision
 
-NUMBERS = "fcbui"  # Kinds of dtypes that are multiplied: real, complex, booleans, integers.
+NUMBERS = "fcbui"  # Kinds of dtypes that can be multiplied: real, complex, boolean, integer.
 
 
 def _check_vectors(x: Any) -> Any:
-    """Return what an operator is multiplied with, or refuse what is no array of numbers."""
+    """Return `x` if an operator can be multiplied with it; refuse other objects."""
     if type(x) is np.ndarray and x.dtype.kind in NUMBERS:
         return x
     if isinstance(x, LinearOperator) or issparse(x):
@@ -33,7 +33,7 @@ def _check_vectors(x: Any) -> Any:
 
 
 def _of_numbers(name: str) -> Callable[[Any, Any], Any]:
-    """Return a method of SciPy's operators that refuses what is no array of numbers."""
+    """Return a method of SciPy's operators that accepts only arrays of numbers."""
     method = getattr(LinearOperator, name)
 
     @wraps(method)
@@ -46,9 +46,9 @@ def _of_numbers(name: str) -> Callable[[Any, Any], Any]:
 
 
 def _at_once(method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a method of multiplication that multiplies vectors without SciPy's checks.
+    """Return a multiplication method that skips SciPy's checks for single vectors.
 
-    With few unknowns these take several times as long as the product.
+    With few unknowns these checks take several times as long as the product.
     """
 
     @wraps(method)
@@ -66,7 +66,7 @@ def _at_once(method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
 
 
 def _multiply(name: str, A: "GridOperator", x: Any) -> Any:
-    """Do what one of SciPy's methods does, with another library's array, which SciPy may copy."""
+    """Do the same as a SciPy method, for arrays of another library, which SciPy might copy."""
     from_left = name in ("rdot", "__rmul__")
     columns = x.ndim > 1 and not from_left
     if x.ndim not in ((1, 2) if "dot" in name or from_left else (1 + ("mat" in name[-3:]),)) or (
@@ -104,11 +104,11 @@ class GridOperator(LinearOperator):
     work : float
     library : Library
     ranks : Ranks
-        The processes that share the rows of its vectors: there is one.
+        The processes that share the rows of its vectors; here only one.
     """
 
     ranks = SERIAL
-    _is_toeplitz = False  # Whether it is a Toeplitz matrix, of which a ToeplitzSum may be made.
+    _is_toeplitz = False  # Whether it is a Toeplitz matrix, which a ToeplitzSum may contain.
 
     def __init__(
         self,
@@ -143,11 +143,11 @@ class GridOperator(LinearOperator):
         ndarray of the shape of `X`
             `out`, or a new array with the dtype of NumPy's product of these dtypes.
         """
-        # Not an `abstractmethod`: its metaclass would make each isinstance(A, GridOperator) slower.
+        # Not an `abstractmethod`, whose metaclass would make isinstance(A, GridOperator) slower.
         raise NotImplementedError
 
     def converges(self, A: LinearOperator) -> bool | None:
-        """Whether the iteration x ← x + S (b - A x) converges, this operator being S.
+        """Whether the iteration x ← x + S (b - A x) converges, where S is this operator.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class GridOperator(LinearOperator):
         return None
 
     def _matvec(self, x: Array) -> Array:
-        # SciPy before 1.18 hands over a column of shape (n, 1) as it is.
+        # SciPy before 1.18 passes a column of shape (n, 1) unchanged.
         n = self.shape[1]
         return self.apply(x.reshape(n) if x.shape == (n, 1) != (1, 1) else x)
 
@@ -181,14 +181,14 @@ class GridOperator(LinearOperator):
         """Return the complex conjugate of the matrix (a real matrix returns itself)."""
         return self._transpose()._adjoint() if self.dtype.kind == "c" else self
 
-    # SciPy takes the numbers below a mask, and anything that has a shape.
+    # SciPy itself would ignore a mask, and accept any object with a shape.
     dot = _at_once(algebra.scaling("right", _of_numbers("dot")))
     __matmul__ = _at_once(LinearOperator.__matmul__)
     matvec = _at_once(_of_numbers("matvec"))
     matmat = _of_numbers("matmat")
     rmatvec = _of_numbers("rmatvec")
     rmatmat = _of_numbers("rmatmat")
-    if hasattr(LinearOperator, "rdot"):  # It is since SciPy 1.18.
+    if hasattr(LinearOperator, "rdot"):  # Since SciPy 1.18.
         rdot = _of_numbers("rdot")
     __rmul__ = algebra.scaling("left", _of_numbers("__rmul__"))
     __add__ = __radd__ = algebra.add
@@ -224,7 +224,7 @@ class GridOperator(LinearOperator):
 
 
 class Conjugate(GridOperator):
-    """The complex conjugate of a matrix, which takes x to the conjugate of A conj(x)."""
+    """The complex conjugate of a matrix, which maps x to the conjugate of A conj(x)."""
 
     def __init__(self, A: GridOperator) -> None:
         super().__init__(A.dtype, A.grid_shape, A.work, A.shape[0], A.library)
@@ -249,8 +249,8 @@ class Conjugate(GridOperator):
 class MatrixOperator(GridOperator):
     """A grid operator with known entries, which supports the operations of a matrix.
 
-    A subclass has `entries` and `diagonal`, the attributes `is_symmetric` and `is_hermitian`,
-    ``_cast`` to another precision, and ``_transposed`` if it can be complex.
+    A subclass defines `entries`, `diagonal`, `is_symmetric`, `is_hermitian`, ``_cast`` for another
+    precision, and ``_transposed`` if it can be complex.
     """
 
     def astype(self: Any, dtype: DTypeLike) -> Any:
@@ -271,7 +271,7 @@ class MatrixOperator(GridOperator):
         index = np.arange(self.shape[0])
         return self.entries(index, index)
 
-    if TYPE_CHECKING:  # SciPy says nothing of its types, and `algebra` makes these.
+    if TYPE_CHECKING:  # SciPy has no type hints; `algebra` defines these at run time.
 
         def __mul__(self, x: complex) -> "MatrixOperator": ...
         def __rmul__(self, x: complex) -> "MatrixOperator": ...
@@ -280,7 +280,7 @@ class MatrixOperator(GridOperator):
 
     trace = algebra.trace
     __getitem__ = algebra.take
-    __iter__ = None  # Python would count up an index of rows.
+    __iter__ = None  # Python would iterate over row indices.
 
     def _transpose(self) -> Any:
         if self.is_symmetric:
@@ -296,11 +296,11 @@ class MatrixOperator(GridOperator):
 
 
 def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Array:
-    """Multiply each row of `X` by any operator, of this package or not.
+    """Multiply each row of `X` by an operator, of this package or not.
 
     Parameters
     ----------
-    A : LinearOperator of shape (n, n), or what has `apply` and `vectors` as a GridOperator has
+    A : LinearOperator of shape (n, n), or an object with `apply` and `vectors`
     X : ndarray of shape (n,) or (k, n)
     out : ndarray of the shape of `X`, optional
         Array for the result. It may be `X`.
@@ -320,7 +320,7 @@ def apply_to_rows(A: LinearOperator, X: Array, out: Array | None = None) -> Arra
     """
     if isinstance(A, GridOperator) or hasattr(A, "vectors"):
         return A.apply(X, out)
-    # An operator that the user made from functions may return (n, 1) or an np.matrix.
+    # A user's operator may return shape (n, 1) or an np.matrix.
     Y = np.asarray(A._matvec(X) if X.ndim == 1 else A._matmat(X.T).T).reshape(X.shape)
     if out is None:
         return Y
@@ -341,21 +341,21 @@ def work_of(A: LinearOperator) -> float:
 
 
 def vectors_of(A: Any) -> Vectors:
-    """Return the operations with the vectors of an operator, or of a matrix."""
+    """Return the vector operations of an operator or of a matrix."""
     return getattr(A, "vectors", VECTORS)
 
 
 def library_for(A: Any) -> Library:
-    """Return the library of the arrays that an operator, or a matrix, multiplies."""
+    """Return the array library of an operator or of a matrix."""
     return getattr(A, "library", NUMPY)
 
 
 def require_numpy(
     A: Any, what: str, others: str = "fft, cosine, sine, chan, strang and fsai"
 ) -> None:
-    """Raise a TypeError for an operator on other arrays, which `what` cannot work with.
+    """Raise a TypeError if A has arrays of another library, which `what` does not support.
 
-    The others are preconditioners that can.
+    `others` names the preconditioners that do.
     """
     library = library_for(A)
     if library is not NUMPY:
@@ -371,7 +371,7 @@ def require_serial(
     instead: str = "toeplitz_mg.slabs has the preconditioners fft, cosine, sine and fsai for it, "
     "and cg and richardson take it",
 ) -> None:
-    """Raise a TypeError for an operator on slabs, where one of a single process is needed."""
+    """Raise a TypeError for an operator on slabs if one of a single process is needed."""
     if not is_serial(A):
         raise TypeError(
             f"{name} is {A!r}, an operator on slabs, but must be one of a single process: {instead}"

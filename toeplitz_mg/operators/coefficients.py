@@ -1,4 +1,4 @@
-"""Coefficients of a Toeplitz matrix: their normal form, and what they must be."""
+"""The coefficients of a Toeplitz matrix: their normal form and their checks."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.ranks import is_serial
 from toeplitz_mg.values import is_foreign, is_traced
 
-# Share of the largest number that a row may sum up to: the rest is for products.
+# Largest sum of a row, relative to the largest number of a precision: room for the products.
 HEADROOM = 2.0**-8
-ALIKE = 1e-12  # Difference of entries over the largest that is rounding of what computed them.
-ROUNDING = 8.0  # Largest difference of mirrored lags that is rounding, in eps of the largest lag.
+ALIKE = 1e-12  # Entries of a dense matrix that differ by less, relative to the largest, are equal.
+ROUNDING = 8.0  # Lags that differ from their mirror by less, in eps of the largest lag, are equal.
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Coefficients:
     Parameters
     ----------
     array : ndarray
-        The first column, shape (n1, n2, ...), where the coefficients are even in each axis; else
-        all of them, shape (2 n1 - 1, 2 n2 - 1, ...), lag zero in the centre. It is read-only.
+        The first column, shape (n1, n2, ...), if the coefficients are even in each axis; otherwise
+        all of them, shape (2 n1 - 1, 2 n2 - 1, ...), with lag zero in the centre. Read-only.
     is_even : bool
     """
 
@@ -42,7 +42,7 @@ class Coefficients:
 
     @cached_property
     def library(self) -> Library:
-        """The library that the array is of."""
+        """The library of the array."""
         return library_of(self.array)
 
     @property
@@ -52,7 +52,7 @@ class Coefficients:
 
     @classmethod
     def of_column(cls, c: ArrayLike) -> "Coefficients":
-        """Take the first column of a matrix: Hermitian, and symmetric in each axis where real."""
+        """Read the first column of a Hermitian matrix; if real it is symmetric in each axis."""
         if isinstance(c, tuple) and len(c) == 2 and all(_is_line(a) for a in c):
             raise ValueError(
                 "c is a tuple of two arrays of one axis, but must be one array: for a first column "
@@ -67,14 +67,14 @@ class Coefficients:
             if dense := name_dense(column):
                 advice += f", and for the dense Toeplitz matrix that c looks like {dense}"
             raise ValueError(
-                f"c is complex and has shape {column.shape}, but a first column tells all of a "
+                f"c is complex and has shape {column.shape}, but a first column determines a "
                 f"Hermitian matrix on one axis only; {advice}"
             )
         return cls._normal(xp.concat([xp.conj(xp.flip(column[1:])), column]))
 
     @classmethod
     def of_column_and_row(cls, c: ArrayLike, r: ArrayLike) -> "Coefficients":
-        """Take the first column and the first row of a matrix of one axis."""
+        """Read the first column and the first row of a matrix of one axis."""
         column, row = check_coefficients(c, "c"), check_coefficients(r, "r")
         library_of(column).read("r", row)
         xp = library_of(column).xp
@@ -90,7 +90,7 @@ class Coefficients:
 
     @classmethod
     def of_lags(cls, lags: ArrayLike) -> "Coefficients":
-        """Take all coefficients, lag zero in the centre."""
+        """Read all coefficients, with lag zero in the centre."""
         array = check_coefficients(lags, "lags")
         if not all(n % 2 for n in array.shape):
             raise ValueError(
@@ -100,7 +100,7 @@ class Coefficients:
 
     @classmethod
     def _normal(cls, lags: Array) -> "Coefficients":
-        """Take all coefficients; where they differ from their mirror by rounding, average both."""
+        """Normalise all coefficients; average them with mirrored ones that differ by rounding."""
         library = library_of(lags)
         flip = library.xp.flip
         along_each = [partial(flip, axis=k) for k in range(lags.ndim)]
@@ -135,22 +135,22 @@ class Coefficients:
 
     @property
     def asymmetry(self) -> float:
-        """The largest difference of a[-k] and the conjugate of a[k], over the largest coefficient.
+        """The largest difference between a[-k] and conj(a[k]), over the largest coefficient.
 
-        It is 0 where the matrix is Hermitian.
+        It is 0 if the matrix is Hermitian.
         """
         return _differs(self.library, self.lags, partial(_flip_conjugate, self.library))
 
     @property
     def column(self) -> Array:
-        """The coefficients of the lags 0 ... n - 1 along each axis."""
+        """The coefficients of the lags 0 … n - 1 along each axis."""
         if self.is_even:
             return self.array
         return self.array[tuple(slice(n - 1, None) for n in self.grid_shape)]
 
     @property
     def lags(self) -> Array:
-        """All coefficients, lag zero in the centre."""
+        """All coefficients, with lag zero in the centre."""
         if not self.is_even:
             return self.array
         lags, xp = self.array, self.library.xp
@@ -161,7 +161,7 @@ class Coefficients:
 
     @property
     def squeezed(self) -> "Coefficients":
-        """The coefficients without axes of one point, which have no lags; or themselves."""
+        """The coefficients without axes of length one."""
         lengths = [m for m in self.array.shape if m > 1] or [1]
         if len(lengths) == self.array.ndim:
             return self
@@ -179,7 +179,7 @@ class Coefficients:
         return self if is_real else Coefficients(self.library.xp.conj(self.array), self.is_even)
 
     def at(self, lags: Sequence[Array]) -> Array:
-        """Return the coefficients of some lags, given along each axis, as NumPy's array."""
+        """Return the coefficients at these lags (one array for each axis) as a NumPy array."""
         array = self.library.to_numpy(self.array)
         if self.is_even:
             return array[tuple(map(np.abs, lags))]
@@ -187,7 +187,7 @@ class Coefficients:
 
     def times(self, factor: Any) -> "Coefficients":
         """Multiply with a number."""
-        with np.errstate(over="ignore", invalid="ignore"):  # What overflows is refused.
+        with np.errstate(over="ignore", invalid="ignore"):  # An overflow is refused below.
             return Coefficients(
                 check_coefficients(self.array * self.library.number(factor), "lags"), self.is_even
             )
@@ -206,15 +206,15 @@ class Coefficients:
         return self.plus(Coefficients(self.library.from_numpy(column), True))
 
     def astype(self, dtype: np.dtype[Any]) -> "Coefficients":
-        """Round to this precision, or say that this is not possible."""
+        """Round to this precision, or raise an error if that overflows."""
         array = self.library.cast(self.array, dtype)
         return Coefficients(check_coefficients(array, "lags"), self.is_even)
 
 
 def make_hermitian(lags: Array) -> tuple[Array, bool]:
-    """Return the coefficients of a Hermitian matrix, and True, where these are so but for rounding.
+    """Return coefficients, averaged to be exactly Hermitian if they are so up to rounding.
 
-    Where they differ by more from those of the conjugate transpose they are returned as they are.
+    The second result is True then. Otherwise they are returned unchanged, with False.
     """
     library = library_of(lags)
     return _symmetrise(library, lags, [partial(_flip_conjugate, library)])
@@ -226,7 +226,7 @@ def _flip_conjugate(library: Library, lags: Array) -> Array:
 
 
 def _differs(library: Library, lags: Array, mirror: Callable[[Array], Array]) -> float:
-    """Return the largest difference of coefficients and their mirror, over the largest of them."""
+    """Return the largest difference of coefficients and their mirror, relative to the largest."""
     xp, mirrored = library.xp, mirror(lags)
     if xp.all(lags == mirrored):
         return 0.0
@@ -236,9 +236,9 @@ def _differs(library: Library, lags: Array, mirror: Callable[[Array], Array]) ->
 def _symmetrise(
     library: Library, lags: Array, mirrors: Sequence[Callable[[Array], Array]]
 ) -> tuple[Array, bool]:
-    """Return coefficients averaged with their mirrors, and whether they are alike up to rounding.
+    """Return coefficients averaged with their mirrors, and whether they agree up to rounding.
 
-    Where they differ from a mirror by more, they are returned as they are.
+    If they do not agree with a mirror, they are returned unchanged.
     """
     rounding = ROUNDING * float(np.finfo(library.dtype(lags)).eps)
     differences = [_differs(library, lags, mirror) for mirror in mirrors]
@@ -251,16 +251,16 @@ def _symmetrise(
 
 
 def _is_line(a: Any) -> bool:
-    """Whether this is an array of one axis, or a list of numbers."""
+    """Whether this is an array with one axis, or a list of numbers."""
     return getattr(a, "ndim", 0) == 1 or (isinstance(a, list) and np.ndim(a) == 1)
 
 
 def name_dense(c: Array) -> str:
-    """Return what to write for `c` if it looks like a dense Toeplitz matrix, or else nothing.
+    """Return the call to recommend if `c` looks like a dense Toeplitz matrix, or an empty string.
 
-    It has two rows at least, and all entries of a diagonal are equal, but for rounding. In the
-    first column of a matrix of two axes this makes the coefficient of the lag (1, 1) as large as
-    that of lag zero, which no positive definite matrix has. A constant array may be either.
+    It does if it has two rows or more and constant diagonals up to rounding. As the first column of
+    a matrix of two axes, the coefficient of the lag (1, 1) would be as large as that of lag zero,
+    so that the matrix is not positive definite. A constant array may be either.
     """
     if c.ndim != 2 or not c.shape[0] == c.shape[1] > 1:
         return ""
@@ -268,7 +268,7 @@ def name_dense(c: Array) -> str:
     row, column, corner = (library.to_numpy(part) for part in (c[0, :], c[:, 0], c[:2, :2]))
     size = max(np.abs(row).max(), np.abs(column).max())
     error = size * max(ALIKE, 16.0 * float(np.finfo(row.dtype).eps))
-    # That of two entries is soon told of a large array.
+    # Test two entries first, which is fast for a large array.
     if abs(corner[0, 0] - corner[1, 1]) > error:
         return ""
     c = library.to_numpy(c)
@@ -280,11 +280,11 @@ def name_dense(c: Array) -> str:
 
 
 def check_coefficients(values: ArrayLike, name: str) -> Array:
-    """Return `values` as an array of real or complex numbers, or say what is wrong with them."""
+    """Return `values` as an array of valid coefficients; raise an error if they are not."""
     array = check_finite(values, name)
     library = library_of(array)
     xp = library.xp
-    with np.errstate(over="ignore"):  # What overflows to inf is too much.
+    with np.errstate(over="ignore"):  # If the sum overflows to inf it is refused.
         sizes = xp.abs(array)
         total = float(xp.sum(sizes, dtype=library.native(np.float64)))
     require_digits(name, library.dtype(sizes), array.shape, total, float(xp.max(sizes)))
@@ -292,24 +292,24 @@ def check_coefficients(values: ArrayLike, name: str) -> Array:
 
 
 def check_finite(values: ArrayLike, name: str) -> Array:
-    """Return `values` as an array of finite numbers, of a dtype that a matrix may have."""
+    """Return `values` as an array of finite numbers with a dtype that a matrix may have."""
     if is_foreign(values) and is_traced(values):
         raise TypeError(
             f"{name} is traced by JAX, and has no numbers yet, but must have them: make operators "
-            "outside of jit and grad, which may multiply by it; solve_toeplitz works inside them"
+            "outside of jit and grad, and multiply inside; solve_toeplitz works inside them"
         )
     library = library_of(values)
     array = library.read(name, values)
     dtype = library.dtype(array)
     if not is_serial(values):
         raise TypeError(
-            f"{name} is {values!r}, an operator on slabs, but must be of coefficients, of which "
-            "each rank has some rows: toeplitz_mg.slabs has what takes these"
+            f"{name} is {values!r}, an operator on slabs, but must be an array of coefficients: "
+            "use toeplitz_mg.slabs, where each rank has some of their rows"
         )
     if issparse(values):
         raise TypeError(
-            f"{name} is a sparse matrix, but must be an array of coefficients: of a Toeplitz "
-            "matrix A its first column, A[:, [0]].toarray().ravel()"
+            f"{name} is a sparse matrix, but must be an array of coefficients: for a Toeplitz "
+            "matrix A use its first column, A[:, [0]].toarray().ravel()"
         )
     if dtype.kind not in "buifc":
         what = f"has dtype {array.dtype}" if array.ndim else f"is {array.item()!r}"
@@ -332,44 +332,44 @@ def check_finite(values: ArrayLike, name: str) -> Array:
 def require_digits(
     name: str, dtype: DTypeLike, shape: tuple[int, ...], total: float, largest: float
 ) -> None:
-    """Raise ValueError where coefficients make products over- or underflow.
+    """Raise a ValueError if products with these coefficients may overflow or underflow.
 
     Parameters
     ----------
     name : str
     dtype : float32 or float64
-        That of the sizes of the coefficients.
+        The dtype of the absolute values.
     shape : tuple of int
-        That of all coefficients.
+        The shape of all coefficients.
     total, largest : float
-        The sum of their sizes, and the largest.
+        The sum and the maximum of the absolute values.
     """
     numbers = np.finfo(dtype)
     most = float(numbers.max) * HEADROOM / 2 ** len(shape)
     if total > most:
         raise ValueError(
             f"{name} has coefficients whose sizes add up to {total:.3g}, but must be at most "
-            f"{most:.3g} so that no product overflows: divide the matrix, and what it is to give, "
+            f"{most:.3g} so that no product overflows: divide the matrix and the right-hand side "
             "by a number"
         )
-    # Some eigenvalue is as large as that. The products divide it by the length of the transforms.
+    # Some eigenvalue is at least this large. Products divide it by the length of the transforms.
     least = float(numbers.tiny) * 2 ** (len(shape) + 1) * prod(shape)
     if 0.0 < largest < least:
         raise ValueError(
             f"{name} has coefficients of size {largest:.3g} at most, but must have one of "
-            f"{least:.3g} so that no product loses digits: multiply the matrix, and what it is to "
-            "give, by a number"
+            f"{least:.3g} so that no product loses digits: multiply the matrix and the right-hand "
+            "side by a number"
         )
 
 
 def check_precision(dtype: DTypeLike, current: np.dtype[Any]) -> np.dtype[Any]:
-    """Return `dtype` as one of the two that a matrix may have, or say that it is none.
+    """Return `dtype` if a matrix may have it; raise an error otherwise.
 
     Parameters
     ----------
     dtype : dtype
     current : dtype
-        That of the matrix: a real one stays real, and a complex one complex.
+        The dtype of the matrix: a real one stays real, a complex one complex.
     """
     is_complex = current.kind == "c"
     names = "complex64 or complex128, as A is complex" if is_complex else "float32 or float64"
@@ -383,7 +383,7 @@ def check_precision(dtype: DTypeLike, current: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def require_range(diagonal: float, dtype: np.dtype[Any], subject: str = "A") -> None:
-    """Raise ValueError where a matrix in float32 has a diagonal that is nearly out of its range."""
+    """Raise a ValueError if the diagonal of a matrix is nearly outside the range of float32."""
     single = np.finfo(np.float32)
     low, high = float(single.tiny / single.eps), float(single.max * single.eps)
     if dtype.char in "fF" and diagonal and not low <= diagonal <= high:

@@ -1,4 +1,4 @@
-"""Operators that are made of others, or of a fast transform: approximate inverses mostly."""
+"""Operators composed of others or diagonalised by a fast transform: mostly approximate inverses."""
 
 from collections.abc import Sequence
 from math import prod
@@ -21,12 +21,12 @@ class BlockDiagonal(GridOperator):
     blocks : sequence of LinearOperator
         Square matrices, one for each part.
     grid_shape : tuple of int
-        The shape of the whole grid, also where the blocks are those of a part of it.
+        The shape of the whole grid, even if the blocks act on part of it.
     """
 
     def __init__(self, blocks: Sequence[LinearOperator], grid_shape: tuple[int, ...]) -> None:
         size = sum(block.shape[0] for block in blocks)
-        # Each block works on the grid of one component.
+        # Each block acts on the grid of one component.
         work = sum(map(work_of, blocks)) / grid_shape[0]
         dtype, library = np.result_type(*(b.dtype for b in blocks)), library_for(blocks[0])
         super().__init__(dtype, grid_shape, work, size, library)
@@ -48,7 +48,7 @@ class BlockDiagonal(GridOperator):
         return self._of([block.T for block in self.blocks])
 
     def _of(self, blocks: Sequence[LinearOperator]) -> "BlockDiagonal":
-        """Return the operator of these blocks, itself where they are its own."""
+        """Return the operator with these blocks, or itself if they are its own."""
         unchanged = all(a is b for a, b in zip(blocks, self.blocks, strict=True))
         return self if unchanged else BlockDiagonal(blocks, self.grid_shape)
 
@@ -62,7 +62,7 @@ class DiagonalisedOperator(GridOperator):
     Parameters
     ----------
     product : DiagonalisedProduct
-        The transform and the eigenvalues; cut to the grid where the matrix is the larger.
+        The transform and the eigenvalues; cut to the grid if the matrix is larger.
     name : str
         The name of the matrix, for its repr.
 
@@ -95,19 +95,19 @@ class DiagonalisedOperator(GridOperator):
 
 
 class DiagonallyScaled(GridOperator):
-    """The product D M D with a real diagonal matrix D, symmetric positive definite where M is.
+    """The product D M D with a real diagonal matrix D; symmetric positive definite if M is.
 
     Parameters
     ----------
     M : LinearOperator of shape (N, N)
     scale : ndarray of shape (N,)
-        The entries of D, not zero.
+        The entries of D, which must not be zero.
     """
 
     def __init__(self, M: LinearOperator, scale: Array) -> None:
         super().__init__(M.dtype, grid_of(M), work_of(M), M.shape[0])
         self.M = M
-        self.scale = scale.astype(self.dtype.char.lower())  # Real where M is complex, too.
+        self.scale = scale.astype(self.dtype.char.lower())  # Real also if M is complex.
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
         """Multiply each row of `X` (see `GridOperator.apply`)."""

@@ -1,4 +1,4 @@
-"""Toeplitz matrices between the components of a field on one grid: a matrix-valued kernel."""
+"""Toeplitz matrices that couple the components of a field on one grid."""
 
 from collections.abc import Callable, Iterable, Sequence
 from math import prod, sqrt
@@ -96,7 +96,7 @@ class CoupledOperator(MatrixOperator):
         grid_shape = (len(rows), *given[0].grid_shape)
         work = 1.0 if product is None else product.points / prod(grid_shape)
         super().__init__(dtype, grid_shape, work, library=library)
-        # All in one precision, which their preconditioners have too.
+        # Use one precision, as the preconditioners of the blocks do.
         cast_rows, self.is_symmetric = symmetrise(_cast(rows, dtype), dtype, Transposes())
         self.is_hermitian = self.is_symmetric
         if self.dtype.kind == "c":
@@ -111,12 +111,12 @@ class CoupledOperator(MatrixOperator):
         )
 
     def _spectrum_of(self, block: ToeplitzOperator) -> Array | None:
-        """Return the eigenvalues that the product of a block has, if it is of the same kind."""
+        """Return the eigenvalues that the product of a block already has, if its dtype fits."""
         return block.embedding_spectrum if block.dtype == self.dtype else None
 
     @property
     def norm_bound(self) -> float:
-        """An upper bound of the 2-norm: that of the circulant that embeds the matrix."""
+        """An upper bound of the 2-norm: that of the embedding circulant."""
         return self._product.norm_bound
 
     def component(self, i: int) -> ToeplitzOperator:
@@ -127,7 +127,7 @@ class CoupledOperator(MatrixOperator):
         IndexError
             If there is no such component.
         ValueError
-            If that is zero.
+            If the block is zero.
         """
         if not 0 <= index(i) < len(self.blocks):
             raise IndexError(
@@ -171,12 +171,12 @@ class CoupledOperator(MatrixOperator):
         return CoupledOperator(rows)
 
     def block(self, index: Array) -> Array:
-        """Return some rows and the same columns, by their positions in the flattened field."""
+        """Return the principal submatrix at these positions in the flattened field."""
         index = refuse_masked("index", index)
         return self.entries(index, index)
 
     def entries(self, rows: Array, columns: Array) -> Array:
-        """Return the entries in some rows and columns, positions in the flattened field."""
+        """Return the entries in these rows and columns, positions in the flattened field."""
         size = self.shape[0] // len(self.blocks)
         rows, columns = refuse_masked("rows", rows), refuse_masked("columns", columns)
         (of_row, row), (of_column, column) = np.divmod(rows, size), np.divmod(columns, size)
@@ -214,15 +214,15 @@ class CoupledOperator(MatrixOperator):
 
 
 def read_blocks(blocks: Any, check: Callable[[str, Any, Any], None]) -> tuple[Any, ...]:
-    """Return the rows of an array of blocks, or say what is wrong with it.
+    """Return the rows of an array of blocks; raise an error if it is not valid.
 
-    What `check` is called with is the name of a block, the block, and the first one.
+    ``check(name, block, first)`` is called for each block, with the first block.
     """
     try:
         rows = tuple(map(tuple, blocks))
     except TypeError:
         raise TypeError(
-            f"blocks is {blocks!r}, but must have rows, as [[xx, xy], [xy, yy]]"
+            f"blocks is {blocks!r}, but must have rows, such as [[xx, xy], [xy, yy]]"
         ) from None
     if not rows or any(len(row) != len(rows) for row in rows):
         lengths = [len(row) for row in rows]
@@ -255,36 +255,36 @@ def _check_block(name: str, block: Any, first: Any) -> None:
 
 
 def _each(rows: Iterable[Iterable[Any]], function: Callable[[Any], Any]) -> list[list[Any]]:
-    """Return a function of each block; None stays None."""
+    """Apply a function to each block; None stays None."""
     return [[block and function(block) for block in row] for row in rows]
 
 
 def _cast(rows: Rows, dtype: np.dtype[Any]) -> list[list[Any]]:
-    """Return the blocks in the precision of a matrix: what is real of a complex one stays real."""
+    """Return the blocks in the precision of `dtype`; real blocks of a complex matrix stay real."""
     real = dtype.char.lower()
     return _each(rows, lambda block: block.astype(dtype if block.dtype.kind == "c" else real))
 
 
 class Transposes:
-    """What blocks have in common with the transposes of those opposite, or the conjugate ones."""
+    """Compares blocks (i, j) with the (conjugate) transposes of the blocks (j, i)."""
 
     def __init__(self, *, conjugate: bool = False) -> None:
         self.conjugate = conjugate
 
     def is_own(self, block: Any) -> bool:
-        """Whether a block is its own transpose, as is known without a look at its coefficients."""
+        """Whether a block is known to be its own transpose without inspecting coefficients."""
         return block.dtype.kind != "c" and bool(block.is_symmetric)
 
     def largest(self, block: Any) -> float:
-        """Return the size of the largest coefficient."""
+        """Return the largest absolute value of a coefficient."""
         return self._largest(block, self._lags(block))
 
     def difference(self, block: Any, other: Any) -> float:
-        """Return the largest difference of a block and the transpose of another."""
+        """Return the largest difference between a block and the transpose of another."""
         return self._largest(block, self._lags(block) - self._mirror(other))
 
     def average(self, block: Any, other: Any) -> tuple[Any, Any]:
-        """Return the mean of a block and the transpose of another, and the transpose of that."""
+        """Return the mean of a block and the transpose of another, and its transpose."""
         return self._make(block, (self._lags(block) + self._mirror(other)) / 2)
 
     def _make(self, block: Any, lags: Array) -> tuple[Any, Any]:
@@ -304,9 +304,9 @@ class Transposes:
 
 
 def symmetrise(rows: Any, dtype: np.dtype[Any], transposes: Any) -> tuple[Any, bool]:
-    """Return blocks averaged with those opposite, and whether they are alike up to rounding.
+    """Return blocks averaged with the opposite ones, and whether they agree up to rounding.
 
-    Where a block differs from the transpose of the other by more, all are returned as they are.
+    If a block does not agree with the transpose of its opposite, all are returned unchanged.
     """
     differences = asymmetries(rows, transposes)
     if max(differences.values()) > ROUNDING * float(np.finfo(dtype).eps):
@@ -319,10 +319,10 @@ def symmetrise(rows: Any, dtype: np.dtype[Any], transposes: Any) -> tuple[Any, b
 
 
 def asymmetries(rows: Any, transposes: Any) -> dict[tuple[int, int], float]:
-    """Return the largest difference of each block (i, j), j ≤ i, and the transpose of (j, i).
+    """Return the largest difference between each block (i, j), j ≤ i, and the transpose of (j, i).
 
     It is relative to the largest coefficient of both, or to the geometric mean of those of the
-    blocks (i, i) and (j, j) where that is larger.
+    blocks (i, i) and (j, j) if that is larger.
     """
     pairs = [(i, j) for i in range(len(rows)) for j in range(i + 1)]
     return {(i, j): _asymmetry(rows, i, j, transposes) for i, j in pairs}

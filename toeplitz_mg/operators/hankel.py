@@ -1,4 +1,4 @@
-"""Hankel matrices, whose entries depend on i + j, of any number of axes."""
+"""Hankel matrices of any number of axes: their entries depend on i + j."""
 
 from typing import Any
 
@@ -76,19 +76,19 @@ class HankelOperator(MatrixOperator):
 
     @classmethod
     def from_values(cls, values: ArrayLike, shape: Any) -> "HankelOperator":
-        """Build the matrix of all h[i + j].
+        """Return the matrix with the entries h[i + j].
 
         Parameters
         ----------
         values : array_like of shape (m1 + n1 - 1, m2 + n2 - 1, ...)
-            h, as a time series of which the matrix has the windows in its rows.
+            h. For a time series the rows of the matrix are its windows.
         shape : tuple
-            (m, n), or of several axes ((m1, m2, ...), (n1, n2, ...)).
+            (m, n), or for several axes ((m1, m2, ...), (n1, n2, ...)).
 
         Raises
         ------
         TypeError, ValueError
-            As the class; also for values that do not have the shape that follows from `shape`.
+            As for the class; also if the shape of `values` does not fit `shape`.
 
         Examples
         --------
@@ -106,7 +106,7 @@ class HankelOperator(MatrixOperator):
         return H
 
     def _begin(self, A: RectangularToeplitz) -> None:
-        """Take the Toeplitz matrix whose columns are reversed along each axis."""
+        """Initialise from the Toeplitz matrix with the columns reversed along each axis."""
         self._toeplitz, self.rows, self.columns = A, A.rows, A.columns
         super().__init__(A.dtype, A.grid_shape, A.work, library=A.library)
         self.shape = A.shape
@@ -121,7 +121,7 @@ class HankelOperator(MatrixOperator):
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm."""
+        """An upper bound of the 2-norm."""
         return self._toeplitz.norm_bound
 
     def toarray(self) -> Array:
@@ -129,8 +129,8 @@ class HankelOperator(MatrixOperator):
         return self.entries(*map(np.arange, self.shape))
 
     def entries(self, rows: Array, columns: Array) -> Array:
-        """Return the entries in some rows and columns, positions in the flattened grids."""
-        # The last point of a grid in C order is the first of the reversed one.
+        """Return the entries in these rows and columns, positions in the flattened grids."""
+        # In C order the last point of a grid is the first one of the reversed grid.
         return self._toeplitz.entries(rows, self.shape[1] - 1 - np.asarray(columns))
 
     def diagonal(self) -> Array:
@@ -145,7 +145,7 @@ class HankelOperator(MatrixOperator):
         return self._toeplitz.apply(self.library.xp.flip(X, axis=-1), out)
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
-        """Return the matrix times numbers (see `GridOperator.scaled`)."""
+        """Return multiples of the matrix (see `GridOperator.scaled`)."""
         factor = factor_of(left, right)
         return NotImplemented if factor is None else self._of(self._toeplitz.scaled(factor))
 

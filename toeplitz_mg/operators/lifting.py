@@ -1,4 +1,4 @@
-"""Functions of a Toeplitz matrix, lifted to masks, components, and sums with diagonal matrices."""
+"""Lift functions of a Toeplitz matrix to masks, components, and sums with diagonal matrices."""
 
 import re
 from collections.abc import Callable
@@ -28,28 +28,28 @@ from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 F = TypeVar("F", bound=Callable[..., LinearOperator])
 Check = Callable[[ToeplitzOperator | CoupledOperator], None]
-ADVICE = r"[:;][^:;]*_preconditioner\(A\)"  # The first advice of a message to take another one.
+ADVICE = r"[:;][^:;]*_preconditioner\(A\)"  # The first advice in a message to use another one.
 
 
 def stand_in(A: LinearOperator) -> LinearOperator:
-    """Return the Toeplitz matrix that stands for one of normal equations; others as they are."""
+    """Return the Toeplitz matrix that approximates a NormalMatrix; other operators unchanged."""
     return ToeplitzOperator.from_lags(A.lags) if isinstance(A, NormalMatrix) else A
 
 
 def unwrap(A: LinearOperator) -> tuple[LinearOperator, Mask | None]:
-    """Return the operator on the whole grid, and the mask, or None where there is none."""
+    """Return the operator on the whole grid, and the mask or None."""
     return (A.full, A.mask) if isinstance(A, MaskedOperator) else (A, None)
 
 
 def restrict(A: LinearOperator, mask: Mask | None) -> LinearOperator:
-    """Return an operator on a mask, or as it is where there is none."""
+    """Return an operator on a mask; unchanged if the mask is None."""
     return A if mask is None else MaskedOperator(A, mask.reshape(A.grid_shape))
 
 
 def components(full: CoupledOperator, mask: Mask | None) -> list[LinearOperator]:
     """Return the matrix of each component that has unknowns, on its part of the mask.
 
-    It raises a ValueError where a component has no influence on itself.
+    Raises a ValueError if the diagonal block of a component is zero.
     """
     parts = [None] * len(full.blocks) if mask is None else mask
     return [
@@ -60,9 +60,9 @@ def components(full: CoupledOperator, mask: Mask | None) -> list[LinearOperator]
 
 
 def coefficients_on_numpy(A: LinearOperator) -> LinearOperator:
-    """Return an operator as one with NumPy's coefficients, that does not multiply.
+    """Return an operator whose coefficients are NumPy arrays, for functions that read only these.
 
-    It is for those who need the coefficients alone.
+    It cannot multiply.
     """
     full, mask = unwrap(A)
     if isinstance(full, CoupledOperator):
@@ -76,14 +76,14 @@ def coefficients_on_numpy(A: LinearOperator) -> LinearOperator:
 
 
 def of_numpy(A: ToeplitzOperator) -> ToeplitzOperator:
-    """Return a Toeplitz matrix of any library on NumPy's arrays; one of NumPy's as it is."""
+    """Return a Toeplitz matrix of any library with NumPy's arrays; one of NumPy unchanged."""
     if A.library is NUMPY:
         return A
     return ToeplitzOperator(cast(ToeplitzOperator, coefficients_on_numpy(A)).coefficients)
 
 
 def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
-    """Raise a ValueError where a matrix is neither real and symmetric nor complex and Hermitian."""
+    """Raise a ValueError unless a matrix is real symmetric or complex Hermitian."""
     if A.is_hermitian:
         return
     is_complex = A.dtype.kind == "c"
@@ -98,17 +98,17 @@ def check_hermitian(A: ToeplitzOperator | CoupledOperator) -> None:
     raise ValueError(
         f"A is {A!r}, but must be {'Hermitian' if is_complex else 'symmetric'}: use "
         f"chan_preconditioner(A), which takes any Toeplitz matrix, with gmres; {which} differ by "
-        f"up to {share:.2g} of the largest coefficient: where that is rounding, average them"
+        f"up to {share:.2g} of the largest coefficient: if that is rounding, average them"
     )
 
 
 def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
-    """Raise a ValueError where a matrix is not real and symmetric."""
+    """Raise a ValueError unless a matrix is real and symmetric."""
     if A.dtype.kind == "c":
         solver = "gmres"
         if A.is_hermitian:
             solver = (
-                "cg, or gmres without M if A is indefinite, or gmres where A stands for a sum that "
+                "cg, or gmres without M if A is indefinite, or gmres if A stands for a sum that "
                 "is not Hermitian"
             )
         raise ValueError(
@@ -119,16 +119,16 @@ def check_symmetric(A: ToeplitzOperator | CoupledOperator) -> None:
 
 
 def accept_any(A: ToeplitzOperator | CoupledOperator) -> None:
-    """Raise nothing: the check of what takes any matrix."""
+    """Accept every matrix: a check that does nothing."""
 
 
 def unwrap_toeplitz(
     A: LinearOperator, check: Check = check_symmetric
 ) -> tuple[ToeplitzOperator, Mask | None]:
-    """Return the Toeplitz matrix on the whole grid, and the mask, or None.
+    """Return the Toeplitz matrix on the whole grid, and the mask or None.
 
-    It raises a TypeError where `A` is neither a `ToeplitzOperator` nor a `MaskedOperator` of one,
-    and the ValueError of `check` (`check_symmetric`, `check_hermitian` or `accept_any`).
+    Raises a TypeError if `A` is neither a `ToeplitzOperator` nor a `MaskedOperator` of one, and the
+    ValueError of `check` (`check_symmetric`, `check_hermitian` or `accept_any`).
     """
     full, mask = unwrap(stand_in(A))
     if not isinstance(full, ToeplitzOperator):
@@ -144,11 +144,11 @@ def unwrap_toeplitz(
 
 
 def _advise(other: Any) -> str:
-    """Return the end of the message that refuses what is no Toeplitz operator: what to write."""
+    """Return the advice for an object that is not a Toeplitz operator."""
     if isinstance(other, CoupledOperator):
         return (
-            "; to treat each of its components by itself write componentwise(f)(A) for the "
-            "function f that was called, as componentwise(multigrid)(A)"
+            "; to treat each of its components separately use componentwise(f)(A) for the "
+            "function f that was called, such as componentwise(multigrid)(A)"
         )
     if isinstance(other, ToeplitzSum):
         return (
@@ -157,17 +157,17 @@ def _advise(other: Any) -> str:
         )
     if isinstance(other, LinearOperator):
         return (
-            "; sums of Toeplitz matrices, and products of each with diagonal ones, as "
-            "scipy.sparse.diags_array(d), are understood; for others, as C + D with a "
+            "; sums of Toeplitz matrices, and their products with diagonal matrices such as "
+            "scipy.sparse.diags_array(d), are accepted; for others, such as C + D with a "
             "CoupledOperator C, use cg or gmres with default_preconditioner(C)"
         )
     if isinstance(other, np.ndarray | list | tuple):
-        return ": write ToeplitzOperator(c) for the matrix with the first column c"
+        return ": use ToeplitzOperator(c) for the matrix with the first column c"
     return ""
 
 
 def squeeze_line(A: ToeplitzOperator) -> ToeplitzOperator:
-    """Return the matrix on the one axis with more than one element, or raise a ValueError."""
+    """Return the matrix without axes of length one; raise a ValueError unless one axis is left."""
     line = A.squeezed
     if len(line.grid_shape) != 1:
         raise ValueError(
@@ -190,37 +190,37 @@ def lift(
     parts: tuple[str, ...] = ("components", "mask"),
     numpy_only: bool = False,
 ) -> Callable[[F], F]:
-    """Return a decorator of preconditioners, which take masks, components and sums with it.
+    """Return a decorator that makes a preconditioner accept masks, components and sums.
 
     Parameters
     ----------
     accepts : {"symmetric", "symmetric part", "Hermitian", "any"}
-        The Toeplitz matrices that the function takes: real symmetric ones; of any real ones the
-        symmetric part; real symmetric and complex Hermitian ones; or any. Others are refused,
-        by the function itself where it sees the mask.
+        The Toeplitz matrices that the function accepts: real symmetric ones; the symmetric part of
+        real ones; real symmetric and complex Hermitian ones; or any. Others are refused here if the
+        function does not see the mask, otherwise by the function.
     parts : tuple of {"components", "mask"}
-        What is taken apart. With "components" the function sees the matrix of each component of a
-        `CoupledOperator` by itself, and the result is block diagonal. With "mask" it sees the
-        `ToeplitzOperator` on the whole grid only, and the result is restricted to the mask. What
-        is not taken apart the function sees as it is.
+        With "components" the function is called with the matrix of each component of a
+        `CoupledOperator`, and the result is block diagonal. With "mask" it is called with the
+        `ToeplitzOperator` on the whole grid, and the result is restricted to the mask. Otherwise
+        the function gets these operators unchanged.
     numpy_only : bool
-        Whether operators on arrays of other libraries than NumPy are refused.
+        Whether to refuse operators on arrays of other libraries.
 
     Returns
     -------
     callable
-        The decorator. Of a `ToeplitzSum` the function sees the Toeplitz matrix that stands for it
-        (see `toeplitz_mg.operators.sums.average`), and the result is that between two diagonal
-        matrices, symmetric positive definite where that of the Toeplitz matrix is.
+        The decorator. For a `ToeplitzSum` the function gets the Toeplitz matrix that approximates
+        it (see `toeplitz_mg.operators.sums.average`). The result is scaled by a diagonal matrix
+        from both sides, and symmetric positive definite if that for the Toeplitz matrix is.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        By the decorated function, where an entry of the diagonal of a sum is not positive.
+        By the decorated function, if an entry of the diagonal of a sum is not positive.
 
     See Also
     --------
-    componentwise : for functions that are there already.
+    componentwise : for existing functions.
 
     Examples
     --------
@@ -253,7 +253,7 @@ def lift(
             if isinstance(full, ToeplitzSum):
                 T, scale = average(full, mask, is_any=accepts == "any")
             elif accepts == "symmetric part" and isinstance(full, ToeplitzOperator):
-                # What is complex is refused as it is, and not in its part.
+                # Complex matrices are refused as given, not by their symmetric part.
                 T = full if full.dtype.kind == "c" else hermitian_part(full)
             try:
                 if "mask" in parts:
@@ -287,12 +287,12 @@ def lift(
 
 
 def _add_advice(message: str, full: LinearOperator, mask: Mask | None) -> str:
-    """Return the message of a refusal with what else is known of the matrix that was given."""
+    """Return the message of a refusal with additional advice for the given matrix."""
     if isinstance(full, ToeplitzSum):
         solver = "cg without M, and else gmres" if full.is_hermitian else "gmres without M"
         return (
             f"{message}; here A is the Toeplitz matrix that stands for a sum with diagonal "
-            f"matrices, and may be indefinite where the sum is not: then use {solver}"
+            f"matrices, and may be indefinite although the sum is not: then use {solver}"
         )
     advice = advise_of_negative(full.diagonal().real.max())
     named = re.search(ADVICE, message)
@@ -302,9 +302,9 @@ def _add_advice(message: str, full: LinearOperator, mask: Mask | None) -> str:
 
 
 def _advise_of_indefinite(A: Any) -> str:
-    """Return the end of the message that refuses a matrix whose 2 x 2 blocks are indefinite.
+    """Return the advice for a matrix with indefinite 2 x 2 blocks; empty for other matrices.
 
-    It stands in place of preconditioners for positive definite matrices. Of others it is empty.
+    It replaces the advice to use a preconditioner for positive definite matrices.
     """
     if not (isinstance(A, ToeplitzOperator) and A.is_hermitian):
         return ""
@@ -317,7 +317,7 @@ def _advise_of_indefinite(A: Any) -> str:
     if len(A.grid_shape) == 1:
         solver = f"solve_toeplitz(A.c, b), or {solver}"
     return (
-        "; A is not positive definite, as a coefficient beside the diagonal is as large: use "
+        "; A is not positive definite, because a coefficient beside the diagonal is as large: use "
         f"{solver}"
     )
 
@@ -357,17 +357,17 @@ def componentwise(preconditioner: F) -> F:
     >>> np.array_equal(M @ np.ones(8), np.tile(tmg.fft_preconditioner(xx) @ np.ones(4), 2))
     True
     """
-    # An operator can be called too: it multiplies.
+    # Operators are callable too: calling one multiplies.
     if isinstance(preconditioner, LinearOperator) or not callable(preconditioner):
         raise TypeError(
             f"preconditioner is {preconditioner!r}, but must be a function of a ToeplitzOperator: "
-            "for one of each component of A write componentwise(chan_preconditioner)(A)"
+            "for one of each component of A use componentwise(chan_preconditioner)(A)"
         )
     return _of_each(preconditioner, check_hermitian)
 
 
 def _of_each(function: F, check: Check) -> F:
-    """Return the function that treats each component of a `CoupledOperator` by itself."""
+    """Return a function that treats each component of a `CoupledOperator` separately."""
 
     @wraps(function)
     def of_each(A: LinearOperator, *args: Any, **kwargs: Any) -> LinearOperator:
@@ -381,8 +381,8 @@ def _of_each(function: F, check: Check) -> F:
                 blocks.append(function(block, *args, **kwargs))
             except np.linalg.LinAlgError as error:
                 error.add_note(
-                    f"This was the matrix of a component, {block!r}: what is advised for it takes "
-                    "all of them by componentwise, as in componentwise(chan_preconditioner)(A)"
+                    f"This was the matrix of a component, {block!r}: to use what is advised for "
+                    "all components, use componentwise, as in componentwise(chan_preconditioner)(A)"
                 )
                 raise
         return BlockDiagonal(blocks, full.grid_shape)

@@ -1,4 +1,4 @@
-"""Rows and columns of an operator on a part of its grid: extend, multiply, restrict."""
+"""Rows and columns of an operator on part of its grid: extend, multiply, restrict."""
 
 from math import prod
 from typing import Any
@@ -45,8 +45,8 @@ class MaskedOperator(MatrixOperator):
     Raises
     ------
     TypeError
-        If the mask is not boolean, or `A` is not an operator on a whole grid, as an
-        operator on a part of one.
+        If the mask is not boolean, or `A` is not an operator on a whole grid (but, for example, on
+        part of one).
     ValueError
         If the mask has another shape than the grid, or is nowhere true.
 
@@ -80,8 +80,8 @@ class MaskedOperator(MatrixOperator):
         if A.shape != (prod(grid_shape),) * 2:
             raise TypeError(
                 f"A has the shape {A.shape} on a grid {grid_shape}, of which it is a part already, "
-                "but a mask needs an operator on a whole grid: take the matrix, or the "
-                "preconditioner, of the whole grid"
+                "but a mask needs an operator on a whole grid: use the matrix or the "
+                "preconditioner of the whole grid"
             )
         self.full = A
         mask = library_of(mask).to_numpy(mask)
@@ -94,7 +94,7 @@ class MaskedOperator(MatrixOperator):
     def toarray(self) -> Array:
         """Return the dense matrix, shape (N, N), N = ``mask.sum()``.
 
-        The entries of a Toeplitz matrix are copied, without any transform; any other operator is
+        The entries of a Toeplitz matrix are copied without any transform; other operators are
         multiplied with the unit matrix.
         """
         if isinstance(self.full, MatrixOperator):
@@ -126,10 +126,10 @@ class MaskedOperator(MatrixOperator):
         return NotImplemented
 
     def _extend(self, factor: Any) -> Any:
-        """Return a diagonal of the whole grid, with the mean where there is no unknown."""
+        """Return a diagonal on the whole grid, with the mean where there is no unknown."""
         if np.ndim(factor) == 0:
             return factor
-        # A constant one stays constant. No number but those on the mask is ever of use.
+        # With the mean, a constant diagonal stays constant; the other values are never used.
         grid = np.full(self.mask.size, factor.mean(), np.result_type(factor, np.float32))
         grid[self._index] = factor
         return grid
@@ -155,7 +155,7 @@ class MaskedOperator(MatrixOperator):
         return float(self._whole().norm_bound)
 
     def entries(self, rows: Array, columns: Array) -> Array:
-        """Return the entries in some rows and columns, by their positions among the unknowns."""
+        """Return the entries in these rows and columns, positions among the unknowns."""
         rows, columns = refuse_masked("rows", rows), refuse_masked("columns", columns)
         return self._whole().entries(self._index[rows], self._index[columns])
 
@@ -187,14 +187,14 @@ class MaskedOperator(MatrixOperator):
 
 
 def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = False) -> Mask:
-    """Return a copy of a mask that cannot be changed, or raise an error that says what is wrong.
+    """Return a read-only copy of a mask, or raise an error that says what is wrong.
 
     Parameters
     ----------
     mask : array_like of bool, of shape `grid_shape`
     grid_shape : tuple of int
     is_coupled : bool
-        Whether the first axis of the grid counts components, of which one mask may do for all.
+        Whether the first axis of the grid counts components; one mask may then serve all.
     """
     checked = check_booleans(mask, grid_shape, is_coupled)
     if not checked.any():
@@ -203,7 +203,7 @@ def check_mask(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = 
 
 
 def check_booleans(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: bool = False) -> Mask:
-    """Return what `check_mask` does, also of a mask that is nowhere true."""
+    """Return the same as `check_mask`, but accept a mask without true entries."""
     mask = refuse_masked("mask", mask)
     if is_coupled and mask.shape == grid_shape[1:]:
         mask = np.broadcast_to(mask, grid_shape)

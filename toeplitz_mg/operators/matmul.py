@@ -1,4 +1,4 @@
-"""The drop-in for `scipy.linalg.matmul_toeplitz`."""
+"""Drop-in replacement for `scipy.linalg.matmul_toeplitz`."""
 
 from math import prod
 from typing import Any
@@ -37,7 +37,7 @@ def matmul_toeplitz(
     ValueError
         For shapes that do not match, and with `check_finite` for numbers that are not finite.
     TypeError
-        For what is not numbers.
+        If an argument is not numeric.
 
     See Also
     --------
@@ -87,7 +87,7 @@ def _multiply(c: Array, r: Array, X: Array) -> Array:
 
 
 def _numbers(name: str, values: Any) -> Array:
-    """Return an array of numbers, of integers in double precision."""
+    """Return an array of numbers; integers are converted to double precision."""
     array = refuse_masked(name, values)
     if array.dtype.kind not in "buifc" and array.size:
         raise TypeError(f"{name} has dtype {array.dtype}, but must be of numbers")

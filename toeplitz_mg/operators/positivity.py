@@ -1,6 +1,6 @@
-"""Whether a matrix is positive definite beyond rounding, and the refusal where it is not.
+"""Whether a matrix is positive definite beyond rounding, and the error if it is not.
 
-Where all eigenvalues are known, their sign tells; of a product of operators some are estimated.
+The sign decides if all eigenvalues are known; for a product of operators some are estimated.
 """
 
 from typing import Any
@@ -16,11 +16,11 @@ from toeplitz_mg.engine.ranks import ranks_of
 from toeplitz_mg.engine.work import axes_of
 from toeplitz_mg.operators.coefficients import check_precision, require_range
 
-# Error of an eigenvalue, in units of eps times the largest one: 1 to 3.8 was seen with transforms
+# Error of an eigenvalue in units of eps times the largest one; 1 to 3.8 was observed for transforms
 # of lengths up to 2^18.
 ROUNDING = 4.0
-# What is left where no preconditioner is: the end of the advice of all refusals, where A is not
-# positive definite for certain, and where it may be.
+# The last advice in every refusal of a preconditioner, if A is certainly not positive definite and
+# if it may be.
 INDEFINITE = "solve_toeplitz(A.c, b) for a whole line, or gmres, which takes any matrix"
 LAST_RESORT = f"{INDEFINITE}, or cg without M if A is positive definite after all"
 
@@ -28,8 +28,8 @@ LAST_RESORT = f"{INDEFINITE}, or cg without M if A is positive definite after al
 def precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
     """Return the precision of a preconditioner of A: `dtype`, or that of A.
 
-    Raises ValueError where A, or its inverse, is nearly out of the range of float32: what overflows
-    there, or is rounded to zero, would be seen nowhere.
+    Raises a ValueError if A or its inverse is nearly outside the range of float32, where overflow
+    or underflow would remain undetected.
     """
     with ranks_of(A).agree() as same:
         same["dtype"] = result = check_precision(A.dtype if dtype is None else dtype, A.dtype)
@@ -41,32 +41,32 @@ def precision(A: Any, dtype: DTypeLike | None) -> np.dtype[Any]:
 
 
 def require_positive_diagonal(diagonal: float) -> None:
-    """Raise LinAlgError where the diagonal of A tells that A is not positive definite."""
+    """Raise a LinAlgError if the diagonal of A shows that A is not positive definite."""
     if not diagonal > 0.0:
         raise np.linalg.LinAlgError(
-            f"the diagonal of A is {diagonal:.3g}, but of a positive definite matrix it is "
-            f"positive: use {INDEFINITE}"
+            f"the diagonal of A is {diagonal:.3g}, but must be positive for a positive definite "
+            f"matrix: use {INDEFINITE}"
         )
 
 
 def is_positive(spectrum: Array, dtype: Any) -> bool:
-    """Whether all eigenvalues are positive, beyond the rounding of the largest."""
+    """Whether all eigenvalues are positive beyond the rounding of the largest."""
     return float(library_of(spectrum).xp.min(spectrum)) > rounding(spectrum, dtype)
 
 
 def may_be_positive(spectrum: Array, dtype: Any) -> bool:
-    """Whether no eigenvalue is negative, beyond the rounding of the largest."""
+    """Whether no eigenvalue is negative beyond the rounding of the largest."""
     return float(library_of(spectrum).xp.min(spectrum)) > -rounding(spectrum, dtype)
 
 
 def rounding(spectrum: Array, dtype: Any) -> float:
-    """Return the error that eigenvalues may have from the transform that gave them."""
+    """Return the rounding error that the transform may leave in eigenvalues."""
     xp = library_of(spectrum).xp
     return ROUNDING * float(np.finfo(dtype).eps) * float(xp.max(xp.abs(spectrum)))
 
 
 def require_condition(condition: float, dtype: Any, subject: str, advice: str) -> None:
-    """Raise LinAlgError where rounding in this precision may make a matrix indefinite.
+    """Raise a LinAlgError if rounding in this precision may make a matrix indefinite.
 
     The message: "`subject` has a condition number of 1e9, with which …: use `advice`", or float64.
     """
@@ -76,7 +76,7 @@ def require_condition(condition: float, dtype: Any, subject: str, advice: str) -
 
 
 def name_condition(condition: float, dtype: Any, subject: str) -> str:
-    """Say why rounding in this precision may make a matrix indefinite; nothing where it may not."""
+    """Say why rounding in this precision may make a matrix indefinite; empty if it may not."""
     if ROUNDING * float(np.finfo(dtype).eps) * condition < 1.0:
         return ""
     return (
@@ -86,60 +86,59 @@ def name_condition(condition: float, dtype: Any, subject: str) -> str:
 
 
 def require_positive(spectrum: Array, dtype: Any, subject: str, advice: str) -> None:
-    """Raise LinAlgError where an eigenvalue is not positive, beyond the rounding of the largest.
+    """Raise a LinAlgError unless all eigenvalues are positive beyond the rounding of the largest.
 
-    The message: "`subject` -0.1, but needs all above 1e-15: use `advice`".
+    The message: "`subject` -0.1, but all must be above 1e-15: use `advice`".
     """
     if not is_positive(spectrum, dtype):
         least = float(library_of(spectrum).xp.min(spectrum))
         raise np.linalg.LinAlgError(
-            f"{subject} {least:.3g}, but needs all above {rounding(spectrum, dtype):.2g}: "
+            f"{subject} {least:.3g}, but all must be above {rounding(spectrum, dtype):.2g}: "
             f"use {advice}"
         )
 
 
 def require_nonzero(spectrum: Array, dtype: Any, subject: str, advice: str) -> None:
-    """Raise LinAlgError where an eigenvalue is zero, within the rounding of the largest.
+    """Raise a LinAlgError if an eigenvalue is zero within the rounding of the largest.
 
-    The message: "`subject` 1e-17, but needs all of a size above 1e-15: use `advice`".
+    The message: "`subject` 1e-17, but all must have a size above 1e-15: use `advice`".
     """
     xp = (library := library_of(spectrum)).xp
     if not float(xp.min(xp.abs(spectrum))) > (error := rounding(spectrum, dtype)):
         spectrum = library.to_numpy(spectrum)
         sizes = np.abs(spectrum)
         raise np.linalg.LinAlgError(
-            f"{subject} {spectrum.flat[sizes.argmin()]:.3g}, but needs all of a size above "
+            f"{subject} {spectrum.flat[sizes.argmin()]:.3g}, but all must have a size above "
             f"{error:.2g}: use {advice}"
         )
 
 
 def name_robust(grid_shape: tuple[int, ...]) -> str:
-    """Name what is positive definite whenever A is, for the advice of an error."""
+    """Name a preconditioner that is positive definite whenever A is, for an error message."""
     if axes_of(grid_shape) == 1:
         return "spectral_preconditioner(A), which is positive definite whenever A is"
     return "chan_preconditioner(A), which is positive definite whenever A is"
 
 
 def name_for_smooth(grid_shape: tuple[int, ...]) -> str:
-    """Name what takes the fewest iterations for smooth kernels, for the advice of an error."""
+    """Name the best preconditioners for smooth kernels, for an error message."""
     if axes_of(grid_shape) == 1:
         return (
-            "use spectral_preconditioner(A), on a mask sine_preconditioner(A) where that is not "
+            "use spectral_preconditioner(A), or on a mask sine_preconditioner(A) if that is not "
             "refused"
         )
     return (
-        "take cosine_preconditioner(A), on a mask sine_preconditioner(A), and where these are "
-        f"refused use {name_robust(grid_shape)}"
+        "use cosine_preconditioner(A), on a mask sine_preconditioner(A), and if these are "
+        f"refused {name_robust(grid_shape)}"
     )
 
 
 def ritz_values(A: LinearOperator, M: LinearOperator, steps: int) -> Array:
-    """Return estimates of eigenvalues of M A, ascending: none is beyond the outermost of those.
+    """Return estimates of eigenvalues of M A, ascending and within their range.
 
-    They come from so many steps of Lanczos's method in the inner product of A, in which M A is
-    self-adjoint if M is symmetric; each step takes a product with A and one with M. The first
-    vector is the sum of a constant and a random one. Where numbers are out of range the result is
-    NaN.
+    They come from this number of Lanczos steps in the inner product of A, in which M A is
+    self-adjoint if M is symmetric. A step takes a product with A and one with M. The first vector
+    is the sum of a constant and a random one. If numbers overflow, the result is NaN.
     """
     rng = np.random.default_rng(0)
     q = (1.0 + rng.standard_normal(A.shape[0])).astype(A.dtype)
@@ -153,7 +152,7 @@ def ritz_values(A: LinearOperator, M: LinearOperator, steps: int) -> Array:
 def lanczos(
     A: LinearOperator, M: LinearOperator, q: Array, steps: int
 ) -> tuple[list[float], list[float]]:
-    """Return the diagonals of the tridiagonal matrix of M A, from q on, in A's inner product."""
+    """Return the tridiagonal matrix of M A in A's inner product, started with q, by diagonals."""
     q_old = np.zeros_like(q)
     diagonal: list[float] = []
     off_diagonal: list[float] = []

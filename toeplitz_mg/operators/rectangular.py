@@ -1,4 +1,4 @@
-"""Rectangular Toeplitz matrices of any number of axes, and the matrices of normal equations."""
+"""Rectangular Toeplitz matrices of any number of axes, and matrices of normal equations."""
 
 from math import prod
 from typing import Any, Literal
@@ -28,7 +28,7 @@ class RectangularToeplitz(MatrixOperator):
         The grids of the products and of the vectors, flattened in C order; on one axis (m,) and
         (n,).
     lags : ndarray of shape (m1 + n1 - 1, m2 + n2 - 1, ...)
-        The coefficients a[i - j], from the lag 1 - n on.
+        The coefficients a[i - j], starting with the lag 1 - n.
     dtype : dtype
         As for `ToeplitzOperator`.
 
@@ -70,13 +70,13 @@ class RectangularToeplitz(MatrixOperator):
 
     @property
     def lags(self) -> Array:
-        """The coefficients a[i - j], from the lag 1 - n on."""
+        """The coefficients a[i - j], starting with the lag 1 - n."""
         parts = zip(self.grid_shape, self.rows, self.columns, strict=True)
         return self._square.lags[tuple(slice(N - n, N - 1 + m) for N, m, n in parts)]
 
     @property
     def norm_bound(self) -> float:
-        """An upper bound of the 2-norm: that of the circulant that embeds the matrix."""
+        """An upper bound of the 2-norm: that of the embedding circulant."""
         return float(self._product.norm_bound)
 
     def toarray(self) -> Array:
@@ -84,7 +84,7 @@ class RectangularToeplitz(MatrixOperator):
         return self.entries(*map(np.arange, self.shape))
 
     def entries(self, rows: Array, columns: Array) -> Array:
-        """Return the entries in some rows and columns, positions in the flattened grids."""
+        """Return the entries in these rows and columns, positions in the flattened grids."""
         points = (
             np.unravel_index(refuse_masked(name, index), grid)
             for name, index, grid in (
@@ -119,7 +119,7 @@ class RectangularToeplitz(MatrixOperator):
         return out
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
-        """Return the matrix times numbers (see `GridOperator.scaled`)."""
+        """Return multiples of the matrix (see `GridOperator.scaled`)."""
         factor = factor_of(left, right)
         return NotImplemented if factor is None else self._of(self._square.times(factor))
 
@@ -152,11 +152,11 @@ class RectangularToeplitz(MatrixOperator):
 
 
 class NormalMatrix(GridOperator):
-    """The matrix w AᴴA + s I of normal equations, for a Toeplitz matrix A, rectangular or square.
+    """The matrix w AᴴA + s I of normal equations, for a rectangular or square Toeplitz matrix A.
 
-    It is made by ``A.H @ A``, its multiples by positive numbers, and sums with multiples of the
-    unit matrix. It multiplies by A and by Aᴴ. The preconditioners of this package take the Toeplitz
-    matrix `toeplitz` in its place.
+    Made by ``A.H @ A``, multiples of it by positive numbers, and sums with multiples of the unit
+    matrix. It multiplies by A and by Aᴴ. The preconditioners of this package use the Toeplitz
+    matrix with the coefficients `lags` instead.
 
     Attributes
     ----------
@@ -174,10 +174,10 @@ class NormalMatrix(GridOperator):
 
     @property
     def lags(self) -> Array:
-        """The coefficients of the Toeplitz matrix w FᴴF + s I, lag zero in the centre.
+        """The coefficients of the Toeplitz matrix w FᴴF + s I, with lag zero in the centre.
 
-        F has the rows of A and all those above and below that the coefficients of A have, so that
-        it is AᴴA itself where A has them all, as a full convolution does.
+        F extends A by all rows above and below in which A has coefficients. So it is AᴴA itself if
+        A already has all these rows, as a full convolution does.
         """
         library, a, grid = self.library, self.A.lags, self.grid_shape
         fft, xp = library.fft, library.xp
@@ -191,14 +191,14 @@ class NormalMatrix(GridOperator):
 
     @property
     def is_toeplitz(self) -> bool:
-        """Whether the matrix is the Toeplitz matrix of `lags`: A has all rows that are not zero."""
+        """Whether the matrix equals the Toeplitz matrix of `lags`: A has all nonzero rows."""
         is_there, grids = self.A.lags != 0, zip(*grids_of(self.A), strict=True)
         inside = is_there[tuple(slice(n - 1, max(m, n - 1)) for m, n in grids)]
         return int(self.library.xp.sum(is_there)) == int(self.library.xp.sum(inside))
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm."""
+        """An upper bound of the 2-norm."""
         return self.weight * float(self.A.norm_bound) ** 2 + self.shift
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
@@ -214,7 +214,7 @@ class NormalMatrix(GridOperator):
         return out
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
-        """Return the matrix times positive numbers (see `GridOperator.scaled`)."""
+        """Return multiples by positive numbers (see `GridOperator.scaled`)."""
         factor = factor_of(left, right)
         if factor is None or not (np.imag(factor) == 0.0 and np.real(factor) > 0.0):
             return NotImplemented
@@ -233,12 +233,12 @@ class NormalMatrix(GridOperator):
 
 
 def grids_of(A: Any) -> tuple[Shape, Shape]:
-    """Return the grids of the products of a matrix and of its vectors."""
+    """Return the grids of the products (rows) and of the vectors (columns) of a matrix."""
     return getattr(A, "rows", A.grid_shape), getattr(A, "columns", A.grid_shape)
 
 
 def normal_matrix(B: Any, A: Any) -> Any:
-    """Return B A as a NormalMatrix where B is the adjoint of the Toeplitz matrix A."""
+    """Return B A as a NormalMatrix if B is the adjoint of the Toeplitz matrix A."""
     is_toeplitz = isinstance(A, GridOperator) and hasattr(A, "lags") and hasattr(A, "entries")
     if not is_toeplitz or B.library is not A.library or grids_of(B) != grids_of(A)[::-1]:
         return NotImplemented
@@ -249,7 +249,7 @@ def normal_matrix(B: Any, A: Any) -> Any:
 
 
 def of_column_and_row(c: ArrayLike, r: ArrayLike) -> RectangularToeplitz | None:
-    """Return the matrix of one axis of this first column and row; None where it is square."""
+    """Return the matrix with this first column and row; None if it is square."""
     column, row = check_coefficients(c, "c"), check_coefficients(r, "r")
     if column.ndim != 1 or row.ndim != 1 or column.shape == row.shape:
         return None
@@ -259,7 +259,7 @@ def of_column_and_row(c: ArrayLike, r: ArrayLike) -> RectangularToeplitz | None:
 
 
 def read_grids(shape: Any) -> tuple[Shape, Shape]:
-    """Return the grids of the rows and of the columns that a shape says."""
+    """Return the grids of the rows and of the columns for a `shape` argument."""
     try:
         rows, columns = ((n,) if np.ndim(n) == 0 else tuple(n) for n in shape)
     except (TypeError, ValueError):
@@ -274,7 +274,7 @@ def read_grids(shape: Any) -> tuple[Shape, Shape]:
 
 
 def of_lags(lags: ArrayLike, rows: Shape, columns: Shape) -> RectangularToeplitz:
-    """Return the matrix of these coefficients, from the lag 1 - n on."""
+    """Return the matrix with these coefficients, starting with the lag 1 - n."""
     array = check_coefficients(lags, "lags")
     wanted = tuple(m + n - 1 for m, n in zip(rows, columns, strict=True))
     if tuple(array.shape) != wanted:
@@ -283,7 +283,7 @@ def of_lags(lags: ArrayLike, rows: Shape, columns: Shape) -> RectangularToeplitz
             f"axis, for rows on the grid {rows} and columns on {columns}"
         )
     side = tuple(map(max, rows, columns))
-    start = tuple(n - N for N, n in zip(side, columns, strict=True))  # Its first lag is 1 - N.
+    start = tuple(n - N for N, n in zip(side, columns, strict=True))  # The first lag is 1 - N.
     square = _window(array, start, tuple(2 * N - 1 for N in side))
     return RectangularToeplitz(Coefficients(square, False), rows, columns)
 
@@ -310,14 +310,14 @@ def convolution(
             f"h has shape {tuple(kernel.shape)}, but with mode='valid' must be no larger than the "
             f"fields, of shape {columns}"
         )
-    # The row i has x[j] h[i - j + first], and the first lag is 1 - n.
+    # Row i is Σ x[j] h[i - j + first]; the first lag is 1 - n.
     start = tuple(k - (n - 1) for k, n in zip(first, columns, strict=True))
     shape_of_lags = tuple(m + n - 1 for m, n in zip(rows, columns, strict=True))
     return _window(kernel, start, shape_of_lags), (tuple(rows), columns)
 
 
 def _window(array: Array, start: tuple[int, ...], shape: Shape) -> Array:
-    """Return a part of an array that is zero beyond its ends, which may begin before it."""
+    """Return a window of an array that continues with zeros; it may start before the array."""
     library = library_of(array)
     begin = [max(k, 0) for k in start]
     ends = [max(k + n, lo) for k, n, lo in zip(start, shape, begin, strict=True)]
@@ -327,7 +327,7 @@ def _window(array: Array, start: tuple[int, ...], shape: Shape) -> Array:
 
 
 def factor_of(left: Any, right: Any) -> Any:
-    """Return the product of two factors, of which None is one; or None where one is no number."""
+    """Return the product of two factors (None counts as 1); None if one is not a constant."""
     factor: Any = 1.0
     for given in (left, right):
         constant = 1.0 if given is None else constant_of(given)

@@ -1,4 +1,4 @@
-"""Sums of Toeplitz matrices between diagonal ones, and the Toeplitz matrix near such a sum."""
+"""Sums of Toeplitz matrices scaled by diagonal ones, and a Toeplitz matrix near such a sum."""
 
 from collections.abc import Iterable
 from itertools import chain
@@ -12,14 +12,14 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators.base import GridOperator, MatrixOperator, require_numpy
 from toeplitz_mg.values import refuse_masked
 
-if TYPE_CHECKING:  # At run time `toeplitz` imports this file.
+if TYPE_CHECKING:  # At run time it would be a circular import.
     from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
 
 class Term(NamedTuple):
-    """The product of a diagonal matrix, a Toeplitz matrix and another diagonal one."""
+    """The product of a diagonal matrix, a Toeplitz matrix and another diagonal matrix."""
 
-    left: Any  # The entries, or a number; None is the unit matrix.
+    left: Any  # The entries, or a number; None for the unit matrix.
     A: "ToeplitzOperator"
     right: Any
 
@@ -103,7 +103,7 @@ class ToeplitzSum(MatrixOperator):
         )
         parts = chain((diagonal,), *frozen)
         dtype = np.result_type(*(part.dtype for part in parts if part is not None))
-        # All in the precision of the sum, which the products are said to have.
+        # Convert all parts to the precision of the sum, which its dtype promises.
         self.terms = tuple(Term(*(_cast(part, dtype) for part in term)) for term in frozen)
         self.offset = _cast(diagonal, dtype)
         work = sum(term.A.work for term in self.terms)
@@ -120,7 +120,7 @@ class ToeplitzSum(MatrixOperator):
         for D, is_left in ((left, True), (right, False)):
             offset = None if offset is None else _times(offset, D)
             if (constant := constant_of(D)) is not None:
-                # Not into a diagonal, so that terms stay alike and symmetric.
+                # Into the Toeplitz matrices, so that equal diagonals stay equal and symmetric.
                 terms = tuple(Term(L, A.times(constant), R) for L, A, R in terms)
             elif is_left:
                 terms = tuple(Term(_times(D, L), A, R) for L, A, R in terms)
@@ -143,14 +143,14 @@ class ToeplitzSum(MatrixOperator):
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: the sum of those of the terms."""
+        """An upper bound of the 2-norm: the sum of the bounds of the terms."""
         bound = _largest(self.offset) if self.offset is not None else 0.0
         for left, A, right in self.terms:
             bound += _largest(left) * float(A.norm_bound) * _largest(right)
         return bound
 
     def entries(self, rows: Array, columns: Array) -> Array:
-        """Return the entries in some rows and columns, positions in the flattened grid."""
+        """Return the entries in these rows and columns, positions in the flattened grid."""
         total = np.zeros((len(rows), len(columns)), self.dtype)
         if self.offset is not None:
             total += np.where(np.equal.outer(rows, columns), self.offset[columns], 0)
@@ -196,7 +196,7 @@ class ToeplitzSum(MatrixOperator):
         return [Term(right, A.T, left) for left, A, right in self.terms]
 
     def _is(self, terms: list[Term]) -> bool:
-        """Whether its terms are these, in any order."""
+        """Whether the sum has these terms, in any order."""
         return all(any(_is_same_term(term, other) for other in self.terms) for term in terms)
 
     def __repr__(self) -> str:
@@ -208,7 +208,7 @@ class ToeplitzSum(MatrixOperator):
 
 
 def terms_of(A: Any) -> tuple[tuple[Term, ...], Array | None]:
-    """Return the terms of a sum and its diagonal, or of a Toeplitz matrix; of others none."""
+    """Return the terms and the diagonal of a sum or a Toeplitz matrix; no terms for others."""
     if isinstance(A, ToeplitzSum):
         return A.terms, A.offset
     is_toeplitz = isinstance(A, GridOperator) and A._is_toeplitz
@@ -216,10 +216,10 @@ def terms_of(A: Any) -> tuple[tuple[Term, ...], Array | None]:
 
 
 def collect(terms: Iterable[Term]) -> list[Term]:
-    """Return the same sum of few terms.
+    """Return the same sum with fewer terms.
 
-    Numbers, and diagonals that are constant, are multiplied into the Toeplitz matrices, and those
-    between the same diagonals are added.
+    Numbers and constant diagonals are multiplied into the Toeplitz matrices, and matrices between
+    equal diagonals are added.
     """
     simple: list[Term] = []
     for left, A, right in terms:
@@ -238,7 +238,7 @@ def collect(terms: Iterable[Term]) -> list[Term]:
 
 
 def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
-    """Return a sum as a ToeplitzOperator where it is one, else as a ToeplitzSum of few terms."""
+    """Return a sum as a ToeplitzOperator if it is one, otherwise as a ToeplitzSum of few terms."""
     simple = collect(terms)
     constant = constant_of(diagonal)
     for k, (left, A, right) in enumerate(simple):
@@ -250,26 +250,25 @@ def simplify(terms: Iterable[Term], diagonal: Array | None = None) -> Any:
 
 
 def hermitian_part(A: Any) -> Any:
-    """Return (A + Aᴴ)/2, A itself where it is Hermitian."""
+    """Return (A + Aᴴ)/2; A itself if it is Hermitian."""
     return A if A.H is A else (A + A.H) / 2
 
 
 def advise_of_negative(largest: float) -> str:
-    """Return the end of the message that refuses a matrix with this largest diagonal entry."""
+    """Return additional advice if the largest diagonal entry of a matrix is negative."""
     if not largest < 0.0:
         return ""
-    return "; the diagonal of -A is positive: where -A is positive definite solve -A x = -b"
+    return "; the diagonal of -A is positive: if -A is positive definite solve -A x = -b"
 
 
 def average(
     A: ToeplitzSum, mask: Mask | None = None, *, is_any: bool = False
 ) -> tuple["ToeplitzOperator", Array]:
-    """Return a Toeplitz matrix T and the entries of a diagonal one, with D T⁻¹ D ≈ A⁻¹.
+    """Return a Toeplitz matrix T and the entries of a diagonal matrix D with D T⁻¹ D ≈ A⁻¹.
 
     D² is the inverse of the diagonal of A. In D A D, whose diagonal is all ones, each diagonal
-    matrix is replaced by its mean; T is the Hermitian part of that. For A + D with a D that is
-    small against the diagonal of A this is A and the mean of D, for D A that of A between two
-    diagonal matrices, and it goes from one to the other as the diagonal of the sum does.
+    matrix is replaced by its mean; T is the Hermitian part of the result. For a sum A + L with a
+    small L this is A plus the mean of L; for L A it is A, scaled from both sides.
 
     Parameters
     ----------
@@ -277,7 +276,7 @@ def average(
     mask : ndarray of bool, optional
         The unknowns, over which the means are taken.
     is_any : bool
-        Whether T may be any matrix, so that its Hermitian part is not taken.
+        Whether T may be any matrix; its Hermitian part is not taken then.
 
     Raises
     ------
@@ -296,8 +295,8 @@ def average(
     diagonal = A.diagonal()[unknowns].real.astype(np.float64)
     if not diagonal.min() > 0.0:
         raise np.linalg.LinAlgError(
-            f"the diagonal of A has the entry {diagonal.min():.3g}, but a preconditioner needs "
-            f"all positive: use GMRES without one{advise_of_negative(float(diagonal.max()))}"
+            f"the diagonal of A has the entry {diagonal.min():.3g}, but must be positive for a "
+            f"preconditioner: use GMRES without one{advise_of_negative(float(diagonal.max()))}"
         )
     mean: Any = 0
     for left, T, right in A.terms:
@@ -307,18 +306,18 @@ def average(
         mean = mean + weights.mean() * T
     if A.offset is not None:
         mean = mean.plus_unit(np.mean(A.offset[unknowns] / diagonal))
-    # Of a sum that is Hermitian the mean is too, but for rounding of weights that are complex.
+    # The mean of a Hermitian sum is Hermitian up to the rounding of complex weights.
     mean = mean if is_any and not A.is_hermitian else hermitian_part(mean)
     return mean.astype(A.dtype), 1.0 / np.sqrt(diagonal)
 
 
 def _read_terms(terms: Any) -> list[Term]:
-    """Return the terms that are given: three things each, and Toeplitz matrices on one grid."""
+    """Return the terms as a list; raise an error unless they are Toeplitz matrices on one grid."""
     given = list(terms) if isinstance(terms, Iterable) else None
     if given is None or not all(isinstance(term, tuple) and len(term) == 3 for term in given):
         raise TypeError(
-            f"terms is {terms!r}, but must be a list of Terms: (left, A, right), of which left and "
-            "right are None where there is no diagonal matrix"
+            f"terms is {terms!r}, but must be a list of Terms (left, A, right), where left and "
+            "right are None if there is no diagonal matrix"
         )
     if not given:
         raise ValueError("terms is empty, but a sum needs one at least")
@@ -336,14 +335,14 @@ def _read_terms(terms: Any) -> list[Term]:
 
 
 def constant_of(factor: Any) -> Any:
-    """Return the number that a factor is, as a diagonal of equal entries; else None."""
+    """Return the number if a factor is a number or a diagonal of equal entries; else None."""
     if np.ndim(factor) == 0:
         return factor
     return factor[0] if (factor == factor[0]).all() else None
 
 
 def _freeze(name: str, factor: Any, n: int) -> Any:
-    """Return the entries of a diagonal that nobody can change, or a number or None as it is."""
+    """Return a read-only array of the entries of a diagonal; a number or None unchanged."""
     if factor is None:
         return None
     if issparse(factor):
@@ -358,23 +357,23 @@ def _freeze(name: str, factor: Any, n: int) -> Any:
         raise ValueError(f"{name} has entries that are not finite")
     if is_number:
         return factor
-    if entries.dtype.char not in "fdFD":  # No matrix has that precision, and sums may overflow.
+    if entries.dtype.char not in "fdFD":  # Not a precision of matrices; sums may overflow.
         entries = entries.astype(np.complex128 if entries.dtype.kind == "c" else np.float64)
-    if entries.flags.writeable or entries.base is not None:  # A view changes with its array.
+    if entries.flags.writeable or entries.base is not None:  # The caller could change it.
         entries = entries.copy()
         entries.flags.writeable = False
     return entries
 
 
 def _times(a: Any, b: Any) -> Any:
-    """Multiply factors, of which None is the unit matrix."""
+    """Multiply factors; None stands for the unit matrix."""
     if a is None or b is None:
         return b if a is None else a
     return a * b
 
 
 def _plus(a: Array | None, b: Array | None) -> Array | None:
-    """Add diagonals, of which None is zero."""
+    """Add diagonals; None stands for zero."""
     if a is None or b is None:
         return b if a is None else a
     return a + b
@@ -385,7 +384,7 @@ def _conj(factor: Array | None) -> Array | None:
 
 
 def _cast(part: Any, dtype: np.dtype[Any]) -> Any:
-    """Return a part in the precision of a matrix: what is real of a complex one stays real."""
+    """Return a part in the precision of `dtype`; real parts of a complex matrix stay real."""
     wanted = dtype if part is None or part.dtype.kind == "c" else np.dtype(dtype.char.lower())
     if part is None or part.dtype == wanted:
         return part
@@ -396,12 +395,12 @@ def _cast(part: Any, dtype: np.dtype[Any]) -> Any:
 
 
 def _largest(factor: Array | None) -> float:
-    """Return the largest size of the entries of a diagonal matrix, of the unit matrix one."""
+    """Return the largest absolute entry of a diagonal matrix; 1 for the unit matrix, None."""
     return 1.0 if factor is None else float(np.abs(factor).max())
 
 
 def _is_same(a: Array | None, b: Array | None) -> bool:
-    """Whether two diagonals are the same, of which None is the unit matrix."""
+    """Whether two diagonals are equal; None stands for the unit matrix."""
     if a is None or b is None:
         return a is b
     return a is b or np.array_equal(a, b)

@@ -1,4 +1,4 @@
-"""The symbol of A, sampled: its coefficients are continued smoothly, not cut off."""
+"""Samples of the symbol of A, with the coefficients continued smoothly instead of cut off."""
 
 from typing import Any
 
@@ -10,41 +10,41 @@ from toeplitz_mg.engine.embedding import cut
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.operators.toeplitz import ToeplitzOperator
 
-STEP = 64  # Number of known lags over the distance of the three lags at which a tail is fitted.
-NEGLIGIBLE = 1e-9  # Largest coefficient that is left out, relative to that of lag 0.
-SUMMABLE = 1.5  # Least exponent of a power of the lag whose sum over some periods is nearly all.
-PERIODS = 16  # Most periods of 2 n lags over which a tail is summed where n is large.
-FEW_LAGS = 2**15  # Lags over which any tail is summed: where n is small they are more periods.
-SPIKE = 0.5  # Ratio of the last two coefficients below which they tell of no slope.
+STEP = 64  # A tail is fitted at three lags, at a distance of this fraction of the known lags.
+NEGLIGIBLE = 1e-9  # Largest coefficient that is neglected, relative to that of lag 0.
+SUMMABLE = 1.5  # Least exponent of a power of the lag that a few periods nearly sum up.
+PERIODS = 16  # Most periods of 2 n lags over which a tail is summed if n is large.
+FEW_LAGS = 2**15  # Lags over which any tail is summed; for small n these are more periods.
+SPIKE = 0.5  # If the ratio of the last two coefficients is below this, they define no slope.
 
 
 def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
-    """Return the symbol at θ = πk/n, k = 0 … n along each axis, n of `shape`."""
+    """Return the symbol at θ = πk/n, k = 0 … n along each axis, with n from `shape`."""
     column = average_flips(A)
     xp = (library := A.library).xp
     alone = [axis for axis, n in enumerate(column.shape) if n > 1]
     line = xp.reshape(column, (-1,))
     if len(alone) == 1 and (sums := sum_tail(line, shape[alone[0]])) is not None:
         samples = library.cosine_sums(sums)
-        # An axis of one element has no other lags: its samples are the same.
+        # An axis of one element has no other lags, so the samples are constant along it.
         lengths = tuple(-1 if axis in alone else 1 for axis in range(column.ndim))
         whole = xp.broadcast_to(xp.reshape(samples, lengths), tuple(n + 1 for n in shape))
         return xp.asarray(whole, copy=True)
     for axis, n in enumerate(shape):
         column = continue_axis(column, axis, n)
-    # The sum over all lags of a_k cos kθ is, by symmetry, a cosine transform of the first column.
+    # By symmetry Σ a_k cos kθ over all lags is a cosine transform of the first column.
     return library.cosine_sums(column)
 
 
 def symbol_of_line(A: ToeplitzOperator) -> Array:
-    """Return the symbol of a matrix of one axis, at θ = πk/m, k = 0 … m, m hardly above n."""
+    """Return the symbol of a matrix of one axis at θ = πk/m, k = 0 … m, with m slightly above n."""
     return sample_symbol(A, (near_fast_length(len(A.c)),))
 
 
 def sum_tail(column: Array, n: int) -> Array | None:
-    """Sum the coefficients of one axis, and those of its tail, over all lags ±k + 2nj, k = 0 … n.
+    """Return the sums of the coefficients and their tail over the lags ±k + 2nj, k = 0 … n.
 
-    None where there is no tail, or one too slow to be summed.
+    The result is None if there is no tail, or one that decays too slowly.
     """
     known, library = column.shape[0], library_of(column)
     last = library.to_numpy(column[-tail_length(known) :])
@@ -56,12 +56,12 @@ def sum_tail(column: Array, n: int) -> Array | None:
 
 
 def tail_length(known: int) -> int:
-    """Return how many of the last of so many lags a tail is fitted to."""
+    """Return the number of last coefficients to which a tail is fitted."""
     return min(known, 2 * max(1, known // STEP) + 1)
 
 
 def average_flips(A: ToeplitzOperator) -> Array:
-    """Return the first column of the even part of A, as cosine transforms have no other part."""
+    """Return the first column of the even part of A, which is all that cosine transforms use."""
     if A.is_even:
         return A.library.cast(A.c, np.float64)
     flips = _flips(A.library.cast(A.lags, np.float64))
@@ -77,11 +77,11 @@ def _flips(lags: Array) -> list[Array]:
 
 
 class Tail:
-    """Coefficients beyond the last known lag, that decay as the last of them do.
+    """Coefficients beyond the last known lag, which continue the decay of the last ones.
 
-    They follow from the value, the slope and the curvature of their logarithm at a lag: as a power
-    of a linear function of the lag, or where they decay faster, as the exponential of a quadratic
-    one. This is exact for the covariances exp(-k/ℓ), exp(-k²/ℓ²) and (1 + k/ℓ)^-p.
+    They follow from the value, the slope and the curvature of their logarithm at one lag: as a
+    power of a linear function of the lag, or, for a faster decay, as the exponential of a quadratic
+    function. This is exact for the covariances exp(-k/ℓ), exp(-k²/ℓ²) and (1 + k/ℓ)^-p.
     """
 
     def __init__(self, least: float, fitted_at: int, decay: float, curvature: float) -> None:
@@ -90,9 +90,9 @@ class Tail:
 
     @classmethod
     def of(cls, first: Any, last: Array, known: int) -> "Tail | None":
-        """Fit the tail of so many coefficients, the first and the last `tail_length` of them.
+        """Fit a tail, given the first and the last `tail_length` of `known` coefficients.
 
-        None where there is none, or one too slow to be summed.
+        The result is None if there is no tail, or one that decays too slowly.
         """
         step, least = max(1, known // STEP), NEGLIGIBLE * float(first)
         if known < 4 or not last[-1] > least or not np.all(np.diff(last) < 0):
@@ -106,10 +106,10 @@ class Tail:
         return tail
 
     def beyond(self, lags: Array) -> Array:
-        """Return the coefficients of lags that are not known."""
+        """Return the coefficients at these unknown lags."""
         t = lags - self._fitted_at
         if self.curvature * 100 < self.decay**2:
-            # The exponent would be above 100: this is an exponential function.
+            # The exponent would exceed 100: use an exponential function.
             log = (min(self.curvature, 0.0) * t / 2 - self.decay) * t
             return self.value * library_of(t).xp.exp(log)
         exponent = self.decay**2 / self.curvature
@@ -126,10 +126,10 @@ class Tail:
 
 
 def continue_axis(column: Array, axis: int, n: int) -> Array:
-    """Continue an axis to the lags 0 … n: a coefficient that is not there is not zero.
+    """Continue an axis to the lags 0 … n, where missing coefficients are not zero.
 
-    It follows the parabola that goes on with the slope of the last two and is flat at lag n. But
-    where these are of so different a size that they tell of a spike, or of an end, it is zero.
+    They follow the parabola with the slope of the last two coefficients that is flat at lag n. They
+    are zero if the last two differ so much that they indicate a spike or an end.
     """
     known = column.shape[axis]
     xp = (library := library_of(column)).xp
@@ -140,7 +140,7 @@ def continue_axis(column: Array, axis: int, n: int) -> Array:
     before = column[cut(axis, known - 2, known - 1)]
     slope = last - before
     is_spike = xp.minimum(abs(last), abs(before)) < SPIKE * xp.maximum(abs(last), abs(before))
-    ahead = n - known + 1  # Lags from the last coefficient to lag n.
+    ahead = n - known + 1  # The number of lags from the last coefficient to lag n.
     t = xp.reshape(library.arange(ahead) + 1.0, (-1, *[1] * (column.ndim - 1 - axis)))
     parabola = last + slope * t * (1.0 - t / (2.0 * ahead))
     return xp.concat([column, xp.where(is_spike, xp.zeros_like(last), parabola)], axis=axis)

@@ -115,7 +115,7 @@ class ToeplitzOperator(MatrixOperator):
     _is_toeplitz = True
 
     def __new__(cls, c: Any = None, r: Any = None, **kwargs: Any) -> Any:
-        """Return a `RectangularToeplitz` where `c` and `r` have different lengths."""
+        """Return a `RectangularToeplitz` if `c` and `r` have different lengths."""
         made = None
         if r is not None and not isinstance(c, Coefficients):
             made = of_column_and_row(c, r)
@@ -153,22 +153,22 @@ class ToeplitzOperator(MatrixOperator):
 
     @classmethod
     def from_lags(cls, lags: ArrayLike, shape: Any = None) -> Any:
-        """Build a matrix from all its coefficients.
+        """Return the matrix with all these coefficients.
 
         Parameters
         ----------
         lags : array_like of shape (2 n1 - 1, 2 n2 - 1, ...)
-            a[i - j], lag zero in the centre; real or complex, symmetric or not.
+            a[i - j], with lag zero in the centre; real or complex, symmetric or not.
         shape : tuple, optional
-            (m, n) for a rectangular matrix of one axis, of several
-            ((m1, m2, ...), (n1, n2, ...)): the grids of the rows and of the columns. Then `lags`
-            has the shape (m1 + n1 - 1, m2 + n2 - 1, ...), from the lag 1 - n on.
+            For a rectangular matrix the grids of its rows and columns: (m, n) on one axis,
+            ((m1, m2, ...), (n1, n2, ...)) on several. Then `lags` has the shape
+            (m1 + n1 - 1, m2 + n2 - 1, ...) and starts with the lag 1 - n.
 
         Raises
         ------
         TypeError, ValueError
-            If the class refuses the coefficients, a length is even (it has no centre), or `lags`
-            does not have the shape that follows from `shape`.
+            If the class refuses the coefficients, a length is even (it has no centre), or the
+            shape of `lags` does not fit `shape`.
 
         Examples
         --------
@@ -189,7 +189,7 @@ class ToeplitzOperator(MatrixOperator):
     def convolution(
         cls, h: ArrayLike, shape: Any, mode: Literal["full", "same", "valid"] = "full"
     ) -> Any:
-        """Build the matrix that convolves fields with a kernel, as `scipy.signal.convolve` does.
+        """Return the matrix that convolves fields with a kernel, like `scipy.signal.convolve`.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class ToeplitzOperator(MatrixOperator):
 
     @property
     def lags(self) -> Array:
-        """The coefficients a[i - j], shape (2 n1 - 1, ...), lag zero in the centre."""
+        """The coefficients a[i - j], shape (2 n1 - 1, ...), with lag zero in the centre."""
         return self._coefficients.lags
 
     @property
@@ -241,7 +241,7 @@ class ToeplitzOperator(MatrixOperator):
 
     @property
     def norm_bound(self) -> float:
-        """An upper bound of the 2-norm: that of the circulant that embeds the matrix."""
+        """An upper bound of the 2-norm: that of the embedding circulant."""
         return self._product.norm_bound
 
     @property
@@ -254,13 +254,13 @@ class ToeplitzOperator(MatrixOperator):
         return None
 
     def circulant(self, shape: tuple[int, ...]) -> Array:
-        """Return the first column of a circulant in which this matrix is the leading block.
+        """Return the first column of a circulant with this matrix as its leading block.
 
         Parameters
         ----------
         shape : tuple of int
-            The size of the circulant along each axis, at least 2 n - 1. Lags beyond those of the
-            matrix are zero.
+            The size of the circulant along each axis, at least 2 n - 1. Lags that the matrix does
+            not have are zero.
         """
         lags = self.lags
         library = self.library
@@ -284,7 +284,7 @@ class ToeplitzOperator(MatrixOperator):
         return self._coefficients
 
     def block(self, index: Array) -> Array:
-        """Return some rows and the same columns as a dense array.
+        """Return a principal submatrix as a dense array.
 
         Parameters
         ----------
@@ -298,7 +298,7 @@ class ToeplitzOperator(MatrixOperator):
         return self.entries(index, index)
 
     def entries(self, rows: Array, columns: Array) -> Array:
-        """Return the entries in some rows and columns, positions in the flattened grid."""
+        """Return the entries in these rows and columns, positions in the flattened grid."""
         points = (
             np.unravel_index(refuse_masked(name, index), self.grid_shape)
             for name, index in (("rows", rows), ("columns", columns))
@@ -323,8 +323,8 @@ class ToeplitzOperator(MatrixOperator):
             return simplify([Term(None, self, None)], other)
         if isinstance(other, GridOperator) and other.library is not self.library:
             raise TypeError(
-                f"A has arrays of {self.library.name} ({self.library.device}), and what is added "
-                f"those of {other.library.name} ({other.library.device}), but both must have "
+                f"A has arrays of {self.library.name} ({self.library.device}), and the other "
+                f"summand those of {other.library.name} ({other.library.device}), but both must have "
                 "arrays of one library on one device"
             )
         if isinstance(other, ToeplitzSum):

@@ -1,15 +1,13 @@
-"""The multilevel sparse approximate inverse of a whole line, where all rows of G are alike.
+"""The multilevel sparse approximate inverse of a whole line, where all rows of G are equal.
 
-What the package describes, for a line whose cells are all active. A row of G sees the 15 cells
-before its own: in blocks of 16, which are the aggregates too, G is block bidiagonal, and all its
-blocks are the same but for those of the first block and of the last row. So nothing sparse is
-needed: G X is a product with two matrices of 16 x 16, and what is computed at set-up is computed
-for three blocks, the first, any, and the last. The next level is a line again, c_i K(i-j) c_j with
-a diagonal, whose cells are all alike but for the first and the last.
+All cells of the line are active. A row of G uses the 15 preceding cells: in blocks of 16, which are
+also the aggregates, G is block bidiagonal. All its blocks are equal except those of the first block
+and of the last row. So no sparse matrix is needed: G X is a product with two 16 x 16 matrices, and
+the set-up computes only three blocks, the first, a middle one and the last. The next level is again
+a line c_i K(i-j) c_j with a diagonal, with equal cells except for the first and the last.
 
-It is the same P as `build` would make with 15 neighbours, in a second form because that is what
-makes it fast: at 2²⁰ unknowns sparse matrices take seventy times the set-up and two and a half
-times the application.
+`build` would make the same P with 15 neighbours. This form is faster: with 2²⁰ unknowns sparse
+matrices take seventy times as long for the set-up and two and a half times for the application.
 """
 
 from dataclasses import dataclass
@@ -28,20 +26,20 @@ from toeplitz_mg.preconditioners.fsai.levels import Direct
 from toeplitz_mg.preconditioners.fsai.rows import refusal
 from toeplitz_mg.preconditioners.fsai.stencil import EXACT
 
-BLAS_BLOCKS = 1024  # Blocks of a product of BLAS, which for more may make threads of its own.
+BLAS_BLOCKS = 1024  # Blocks in one BLAS product; for larger products BLAS may start own threads.
 
 
 @dataclass(frozen=True)
 class LineMatrix:
-    """The matrix c_i K(i-j) c_j with the diagonal d, of n cells.
+    """The matrix with the entries c_i K(i-j) c_j and the diagonal d, for n cells.
 
     Attributes
     ----------
     kernel : ndarray of shape (n,)
         Coefficients.
     c, d, smooth : ndarray of shape (3,)
-        The load of an unknown, the diagonal, and what the vector of ones is on this level: for the
-        first cell, for all others, and for the last.
+        The load of an unknown, the diagonal, and the representation of the vector of ones on this
+        level: for the first cell, the cells between, and the last cell.
     """
 
     kernel: Array
@@ -51,11 +49,11 @@ class LineMatrix:
 
     @classmethod
     def of_kernel(cls, kernel: Array) -> "LineMatrix":
-        """Return the Toeplitz matrix of a kernel, which is that of the finest level."""
+        """Return the Toeplitz matrix of a kernel, the matrix of the finest level."""
         return cls(kernel, np.ones(3), np.full(3, kernel[0]), np.ones(3))
 
     def lags(self, count: int) -> Array:
-        """Return the first coefficients; beyond the line that of its last lag."""
+        """Return the first coefficients; beyond the line they equal the last one."""
         return self.kernel[np.minimum(np.arange(count), len(self.kernel) - 1)]
 
     def matrix(self) -> Array:
@@ -69,14 +67,14 @@ class LineMatrix:
 
 @dataclass(frozen=True)
 class LineLevel:
-    """Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G of n cells, with the next level for E⁻¹.
+    """Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G for n cells, with the next level for E⁻¹.
 
     Attributes
     ----------
     n : int
     G : ndarray of shape (3, 16, 32)
-        The rows of the first block, of any, and of the last: their entries in the block before,
-        and in their own.
+        The rows of the first block, a middle one and the last one: their entries in the preceding
+        block and in their own.
     W : ndarray of shape (3, 16)
         The vectors w of these blocks.
     coarse : LineLevel or Direct
@@ -114,7 +112,7 @@ class LineLevel:
 
     @cached_property
     def _blocks_of_G(self) -> tuple[Array, ...]:
-        """The first block on the diagonal, any, and the last; any beside it, and the last."""
+        """The first, a middle and the last diagonal block; a middle and the last one beside it."""
         (_, before, final_before), (first, own, final) = self.G[..., :BLOCK], self.G[..., BLOCK:]
         return first, own, final, before, final_before
 
@@ -152,7 +150,7 @@ class LineLevel:
         cut = BLOCK * (m - 1)
         y[:, 0] += e[:, :1] * w_first
         y[:, -1] += e[:, -1:] * w_last
-        e[:, 0] = e[:, -1] = 0.0  # These two are done.
+        e[:, 0] = e[:, -1] = 0.0  # These two have been added.
         z = out[:, :cut].reshape(-1, m - 1, BLOCK)
 
         def sum_of(blocks: slice) -> Array:
@@ -175,7 +173,7 @@ class LineLevel:
 
 
 def _multiply(x: Array, matrix: Array, out: Array) -> Array:
-    """Multiply blocks by a matrix, in pieces of which BLAS makes no threads of its own."""
+    """Multiply blocks by a matrix, in pieces so small that BLAS starts no threads."""
     whole = x.shape[1] // BLAS_BLOCKS * BLAS_BLOCKS
     if whole:
         pieces = (len(x), -1, BLAS_BLOCKS, BLOCK)
@@ -187,13 +185,13 @@ def _multiply(x: Array, matrix: Array, out: Array) -> Array:
 def build_line(
     matrix: LineMatrix, dtype: np.dtype[Any], options: Options = DEFAULT
 ) -> LineLevel | Direct:
-    """Build a level and those below it, in float64, to be applied in the precision `dtype`."""
+    """Build a level and those below it in float64; they are applied in the precision `dtype`."""
     n = len(matrix.kernel)
     if n <= options.direct_on_line:
         return Direct.of(matrix.matrix(), dtype)
     rest = n - (n - 1) // BLOCK * BLOCK  # The number of cells of the last block.
     lags = matrix.lags(2 * BLOCK + 1)
-    far = lags[2 * BLOCK]  # This is τ of the package's description.
+    far = lags[2 * BLOCK]  # τ in the description of the package.
 
     c, d = (_windows(x, BLOCK, 0, BLOCK) for x in (matrix.c, matrix.d))
     S = (toeplitz(lags[:BLOCK]) - far) * c[:, :, np.newaxis] * c[:, np.newaxis]
@@ -233,10 +231,10 @@ def _inverse_factors(S: Array) -> Array:
 
 
 def _windows(x: Array, length: int, first: int, stop: int) -> Array:
-    """Return the values x, of the first cell, of others and of the last, on three windows.
+    """Return values given for the first, middle and last cells, on three windows.
 
-    One begins with the first cell, at the place `first`; one is anywhere; one ends with the last,
-    at the place before `stop`. Where there is no cell any number will do.
+    One window has the first cell at the place `first`, one is in the middle, and one has the last
+    cell just before `stop`. Places without a cell have any value.
     """
     windows = np.full((3, length), x[1])
     windows[0, first], windows[2, stop - 1] = x[0], x[2]
@@ -244,17 +242,17 @@ def _windows(x: Array, length: int, first: int, stop: int) -> Array:
 
 
 def _coarsen(matrix: LineMatrix, load: Array) -> Array:
-    """Return the coefficients between blocks of this load, shape (m,)."""
+    """Return the coefficients between blocks with this load, shape (m,)."""
     n = len(matrix.kernel)
     m = -(-n // BLOCK)
     beyond = np.full(BLOCK * m - n, matrix.kernel[-1])
     K = np.append(matrix.kernel, beyond).reshape(m, BLOCK)
-    # The means over two blocks weigh each lag by the share of the pairs of cells, one in either.
+    # The mean over two blocks weights each lag by its share of the pairs of cells.
     pairs = np.arange(BLOCK, 0, -1) / BLOCK**2
     means = K @ pairs
     means[1:] += K[:-1, 1:] @ pairs[:0:-1]
     means *= load.sum() ** 2
-    # These are the sums of the load's products with each lag between their cells.
+    # Sums of the products of loads, by the lag between their cells.
     products = np.correlate(load, load, "full")
     reach = len(load) - 1
     K = matrix.lags(BLOCK * EXACT + reach)
