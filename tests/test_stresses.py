@@ -100,7 +100,7 @@ def test_plane_strain_is_a_long_element(direction):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"z": -1.0}, "z has the value -1, but a depth is at least zero"),
+        ({"z": -1.0}, "z has the value -1, but a depth must be at least zero"),
         ({"x": np.inf}, "x has values that are not finite"),
         ({"x": [1.0, 2.0], "y": [1.0, 2.0, 3.0]}, r"x \(2,\), y \(3,\), .* but must broadcast"),
         ({"nu": 0.6}, "nu is 0.6"),

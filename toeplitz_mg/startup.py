@@ -1,9 +1,9 @@
-"""Ctrl-C while the command line still imports: one line and status 130, not a traceback.
+"""Ctrl-C while the command line is still importing: one line and status 130, no traceback.
 
-NumPy and SciPy take about a second to import, before any line of the command line runs, and an
-exception that is raised inside their extensions may be swallowed or turned into an ImportError.
-So the package imports this module first: in a process that was started as the command line,
-Ctrl-C ends it at once, until `cli.main` takes over. In any other process nothing changes.
+NumPy and SciPy take about a second to import before the command line runs. An exception that is
+raised inside their extensions may be swallowed or turned into an ImportError. So the package
+imports this module first. In a process started as the command line, Ctrl-C then ends it at once,
+until `cli.main` takes over. Other processes are not affected.
 """
 
 import os
@@ -20,7 +20,7 @@ def is_command_line() -> bool:
     program = os.path.basename(sys.argv[0]) if getattr(sys, "argv", None) else ""
     if program != "-m":
         return program.removesuffix(".exe") == "toeplitz-mg"
-    # So it is called while Python looks for the module, whose name precedes the arguments.
+    # This runs while Python looks for the module, whose name precedes the arguments.
     module = sys.orig_argv[-len(sys.argv)]
     return module == "toeplitz_mg" or (module[0] == "-" and module.endswith("mtoeplitz_mg"))
 
@@ -33,9 +33,9 @@ def raise_again() -> None:
 
 def _end(signum: int, frame: FrameType | None) -> None:
     os.write(2, f"{MESSAGE}\n".encode())
-    os._exit(STATUS)  # Nothing was printed or written yet that would have to be finished.
+    os._exit(STATUS)  # Nothing has been printed or written yet.
 
 
-# Where the signal is ignored, as in a job in the background, it stays so.
+# An ignored signal, as in a background job, stays ignored.
 if is_command_line() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _end)

@@ -1,4 +1,4 @@
-"""Tables of numbers from files, NumPy's or text: read with an error that says what is wrong."""
+"""Read tables of numbers from text files or NumPy's, with errors that say what is wrong."""
 
 import gzip
 import io
@@ -11,30 +11,30 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 
-TEXT = (".txt", ".csv", ".dat")  # Endings of the names of files that are text.
-UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # How texts in UTF-16 begin.
+TEXT = (".txt", ".csv", ".dat")  # Extensions of text files.
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # First bytes of UTF-16 texts.
 
 
 def load_table(path: Path, is_text: bool | None = None) -> Array:
-    """Read an array from a ``.npy`` file, or a table of numbers from a text file.
+    """Return an array from a ``.npy`` file, or a table of numbers from a text file.
 
-    By default its ending says which.
+    By default the extension decides.
 
     Raises
     ------
     OSError
-        Where there is no such file.
+        If there is no such file.
     ValueError
-        Where it is not what its name says, holds Python objects, or no numbers at all.
+        If the content does not fit the extension, holds Python objects, or has no numbers.
     """
     stem = path.with_suffix("") if path.suffix.lower() == ".gz" else path
     is_text = stem.suffix.lower() in TEXT if is_text is None else is_text
     with open_file(path) as file:
         try:
             array: Any = _read_text(file.read()) if is_text else np.load(file, allow_pickle=False)
-        except MemoryError:  # The array is too large, or its header.
+        except MemoryError:  # The array or its header is too large.
             raise ValueError(f"{path} needs more memory than there is") from None
-        except Exception as error:  # NumPy parses the header as Python, so it may be any of many.
+        except Exception as error:  # NumPy parses the header as Python: any exception may occur.
             raise ValueError(f"{path} {_describe(is_text, error)}") from None
     if not isinstance(array, np.ndarray):
         raise ValueError(f"{path} holds several arrays (.npz), but one is needed (.npy)")
@@ -44,7 +44,7 @@ def load_table(path: Path, is_text: bool | None = None) -> Array:
 
 
 def open_file(path: Path) -> Any:
-    """Return a file to read from, decompressed."""
+    """Open a file for reading, decompressed if it is compressed."""
     file = path.open("rb")
     if path.suffix.lower() != ".gz":
         return file
@@ -55,17 +55,17 @@ def open_file(path: Path) -> Any:
 
 
 def decode(data: bytes) -> str:
-    """Return a text in UTF-8, as Excel writes it too, or in UTF-16."""
+    """Return a text in UTF-8 (with or without a byte order mark, as from Excel) or in UTF-16."""
     return data.decode("utf-16" if data[:2] in UTF_16 else "utf-8-sig")
 
 
 def _read_text(data: bytes) -> Array:
-    """Read a table of numbers, separated by semicolons, or else by commas, or else by blanks."""
+    """Return a table of numbers separated by semicolons, else by commas, else by blanks."""
     text = decode(data)
     rows = [line.partition("#")[0] for line in text.splitlines()]
     separator = next((mark for mark in ";," if any(mark in row for row in rows)), None)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # Of no numbers, which is refused anyway.
+        warnings.simplefilter("ignore", UserWarning)  # A table without numbers is refused later.
         try:
             return np.loadtxt(io.StringIO(text), delimiter=separator, ndmin=1)
         except ValueError:
@@ -74,7 +74,7 @@ def _read_text(data: bytes) -> Array:
 
 
 def _refuse_row(rows: Sequence[str], separator: str | None) -> None:
-    """Raise ValueError for the first row that is none of a table, counted from 1."""
+    """Raise a ValueError for the first row that does not belong to a table, counted from 1."""
     columns = 0
     for number, row in enumerate(rows, 1):
         cells = row.split(separator) if row.strip() else []
@@ -89,7 +89,7 @@ def _refuse_row(rows: Sequence[str], separator: str | None) -> None:
 
 
 def _describe(is_text: bool, error: Exception) -> str:
-    """Say what a file is not, without NumPy's advice to unpickle what nobody knows."""
+    """Say what is wrong with a file, without NumPy's advice to unpickle an unknown file."""
     if is_text:
         return f"is not a table of numbers with points for decimals: {error}"
     said = "" if "pickle" in str(error) else f": {error}"

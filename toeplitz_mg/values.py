@@ -1,4 +1,4 @@
-"""Numbers and fields that a user gives: what they are, or what is wrong with them."""
+"""Checks of the numbers and arrays that a user gives; each returns them or raises an error."""
 
 import reprlib
 import sys
@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 
 from toeplitz_mg._typing import Array
 
-SMALL = 1e-40  # Least size other than zero, in the user's units: powers of less may underflow.
-LARGE = 1e40  # Largest size, in the user's units: powers of more may overflow.
+SMALL = 1e-40  # Smallest nonzero size, in the user's units; powers of smaller ones may underflow.
+LARGE = 1e40  # Largest size, in the user's units; powers of larger ones may overflow.
 
 
 def real(name: str, value: Any, unit: str | None = None) -> float:
-    """Return a real number, of a quantity that in this unit."""
-    if type(value) is float:  # Sooner than by what follows, which a small system would feel.
+    """Return a real number; a quantity is converted to `unit`."""
+    if type(value) is float:  # A short cut, because the checks below slow small systems down.
         return value
     if unit is not None:
         value = in_unit(name, value, unit)
@@ -28,7 +28,7 @@ def real(name: str, value: Any, unit: str | None = None) -> float:
 
 
 def finite(name: str, value: Any, unit: str | None = None) -> float:
-    """Return a finite number, of a quantity that in this unit."""
+    """Return a finite number; a quantity is converted to `unit`."""
     x = real(name, value, unit)
     if not np.isfinite(x):
         raise ValueError(f"{name} is {value}, but must be finite")
@@ -36,7 +36,7 @@ def finite(name: str, value: Any, unit: str | None = None) -> float:
 
 
 def positive(name: str, value: Any, unit: str | None = None) -> float:
-    """Return a number that is positive and finite, of a quantity that in this unit."""
+    """Return a positive and finite number; a quantity is converted to `unit`."""
     x = real(name, value, unit)
     if not 0.0 < x < np.inf:
         raise ValueError(f"{name} is {value}, but must be positive and finite")
@@ -44,29 +44,29 @@ def positive(name: str, value: Any, unit: str | None = None) -> float:
 
 
 def has_unit(value: Any) -> bool:
-    """Whether this is a quantity with a unit, as those of pint, or a sequence with one in it."""
+    """Whether this is a quantity with a unit, such as pint's, or a sequence that contains one."""
     if isinstance(value, list | tuple):
         return any(map(has_unit, value))
     return hasattr(value, "magnitude") and hasattr(value, "units")
 
 
 def in_unit(name: str, value: Any, unit: str) -> Any:
-    """Return the number of a quantity in this unit; what is no quantity as it is."""
+    """Return the magnitude of a quantity in this unit; other values unchanged."""
     if not has_unit(value):
         return value
     if isinstance(value, list | tuple):
         return type(value)(in_unit(name, x, unit) for x in value)
     try:
         return value.to(unit).magnitude
-    except TypeError:  # Errors of pint about dimensions are such.
+    except TypeError:  # The base class of pint's DimensionalityError.
         raise TypeError(f"{name} is in {value.units}, but must be in {unit}") from None
 
 
 def count(name: str, value: Any, least: int = 1) -> int:
-    """Return an integer that is not below `least`."""
+    """Return an integer that is at least `least`."""
     refuse_masked(name, value)
     try:
-        n = int(index(value))  # True is an index, but no length of an array.
+        n = int(index(value))  # int, because True is an index but not a length.
     except TypeError:
         raise TypeError(f"{name} is {value!r}, but must be an integer") from None
     if n < least:
@@ -75,11 +75,11 @@ def count(name: str, value: Any, least: int = 1) -> int:
 
 
 def refuse_masked(name: str, values: Any) -> Array:
-    """Return NumPy's array of any dtype; refuse those of other libraries, and masked arrays.
+    """Return a NumPy array of any dtype; refuse masked arrays and arrays of other libraries.
 
-    The numbers below a mask mean nothing.
+    The values under a mask have no meaning.
     """
-    if type(values) is np.ndarray:  # Sooner than by what follows, which a small system would feel.
+    if type(values) is np.ndarray:  # A short cut for small systems.
         return values
     if has_unit(values):
         raise TypeError(f"{name} is a quantity in {values.units}, but must be a plain number here")
@@ -100,8 +100,8 @@ def refuse_masked(name: str, values: Any) -> Array:
 
 
 def is_foreign(values: Any) -> bool:
-    """Whether this is an array, and not of NumPy."""
-    if type(values) is np.ndarray:  # Sooner than by what follows, as small systems would feel.
+    """Whether this is an array of a library other than NumPy."""
+    if type(values) is np.ndarray:  # A short cut for small systems.
         return False
     if isinstance(values, np.ndarray | np.generic | list | tuple | float | int):
         return False
@@ -110,13 +110,13 @@ def is_foreign(values: Any) -> bool:
 
 
 def is_traced(*arrays: Any) -> bool:
-    """Whether one of these has no numbers yet, as JAX follows what is done with it."""
+    """Whether one of these is a JAX tracer, which has no values yet."""
     jax = sys.modules.get("jax")
     return jax is not None and any(isinstance(array, jax.core.Tracer) for array in arrays)
 
 
 def name_library(values: Any) -> str:
-    """Return the name of the library of an array; of all that is no array it is NumPy's."""
+    """Return the name of an array's library; "numpy" for all other objects."""
     if not is_foreign(values):
         return "numpy"
     if hasattr(values, "__array_namespace__"):
@@ -125,22 +125,22 @@ def name_library(values: Any) -> str:
 
 
 def refuse_mixed(name: str, theirs: str, ours: str) -> NoReturn:
-    """Raise a TypeError for an array of another library than those it would meet."""
+    """Raise a TypeError for an array whose library differs from that of the operator."""
     raise TypeError(
-        f"{name} is an array of {theirs}, but the operator has arrays of {ours}: all must be of "
+        f"{name} is an array of {theirs}, but the operator has arrays of {ours}: use arrays of "
         "one library; iterations for any are toeplitz_mg.cg and richardson"
     )
 
 
 def _is_masked(values: Any) -> bool:
-    """Whether this is a masked array, or a list with one in it."""
+    """Whether this is a masked array, or a list that contains one."""
     if isinstance(values, list | tuple):
         return any(map(_is_masked, values))
     return np.ma.isMaskedArray(values)
 
 
 def numbers(name: str, values: ArrayLike) -> Array:
-    """Return a copy of an array of real numbers, NaN and infinities too, in double precision."""
+    """Return a copy in double precision of an array of real numbers, possibly NaN or infinite."""
     array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
         what = f"has dtype {array.dtype}" if array.ndim else f"is {values!r}"
@@ -149,9 +149,9 @@ def numbers(name: str, values: ArrayLike) -> Array:
 
 
 def field(name: str, values: ArrayLike, unit: str | None = None) -> Array:
-    """Return a copy of an array of real numbers, infinities too, in double precision.
+    """Return a copy in double precision of an array of real numbers, possibly infinite.
 
-    Those of a quantity are in this unit.
+    A quantity is converted to `unit`.
     """
     array = numbers(name, values if unit is None else in_unit(name, values, unit))
     if np.isnan(array).any():
@@ -161,12 +161,12 @@ def field(name: str, values: ArrayLike, unit: str | None = None) -> Array:
 
 
 def fields(**values: ArrayLike) -> list[Array]:
-    """Return what `field` does of each, if their shapes broadcast with each other."""
+    """Return `field` of each array, if their shapes broadcast with each other."""
     return require_broadcast(**{name: field(name, x) for name, x in values.items()})
 
 
 def require_broadcast(**arrays: Array) -> list[Array]:
-    """Return arrays whose shapes broadcast with each other, or say that they do not."""
+    """Return the arrays; raise an error unless their shapes broadcast with each other."""
     try:
         np.broadcast_shapes(*(x.shape for x in arrays.values()))
     except ValueError:
@@ -176,7 +176,7 @@ def require_broadcast(**arrays: Array) -> list[Array]:
 
 
 def generator(name: str, seed: Any) -> Any:
-    """Return a generator of random numbers: the one that is given, or a new one with this seed."""
+    """Return a given random generator, or a new one with this seed."""
     if hasattr(seed, "standard_normal"):
         return seed
     try:
@@ -188,6 +188,6 @@ def generator(name: str, seed: Any) -> Any:
 
 
 def in_range(name: str, size: float) -> None:
-    """Refuse a size whose powers could not be represented."""
+    """Raise an error for a size whose powers could not be represented."""
     if size != 0.0 and not SMALL <= size <= LARGE:
         raise ValueError(f"{name} is of size {size:g}, but must be zero or {SMALL:g} to {LARGE:g}")

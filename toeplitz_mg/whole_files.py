@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all: beside the old one, which they then replace."""
+"""Write files completely or not at all: to a temporary file, which then replaces the old one."""
 
 import os
 import secrets
@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 
 def find_status(path: Path) -> os.stat_result | None:
-    """Return what `path` is, behind its links; None where there is nothing yet."""
+    """Return the status of the file at `path`, following links; None if there is none."""
     try:
         return path.stat()
     except FileNotFoundError:
@@ -18,14 +18,14 @@ def find_status(path: Path) -> os.stat_result | None:
 
 
 def find_target(path: Path) -> Path:
-    """Return where a link leads, so that it stays a link to what is written."""
+    """Return the target of a link, so that writing does not replace the link itself."""
     return Path(os.path.realpath(path))
 
 
 def check_folder(path: Path) -> None:
-    """Raise OSError where a regular file could not be written beside what is there, or replace it.
+    """Raise an OSError if a file cannot be written beside `path` or cannot replace it.
 
-    It has to be in the same folder, as only there one file replaces another in a single step.
+    It must be in the same folder, because only there can one file replace another atomically.
     """
     folder = find_target(path).parent
     if not folder.is_dir():
@@ -37,13 +37,13 @@ def check_folder(path: Path) -> None:
 
 
 def find_part(target: Path, token: str | None = None) -> Path:
-    """Return the name of what is not yet whole, a new one unless a token is given."""
+    """Return the name of a temporary file, a new one unless a token is given."""
     return target.with_name(f".{token or secrets.token_hex(8)}.part")
 
 
 @contextmanager
 def new_part(part: Path, old: os.stat_result | None) -> Iterator[BinaryIO]:
-    """Open a new file, never readable by more than the old one, whose owner and rights it gets."""
+    """Open a new file with the owner and rights of the old one, never readable by more users."""
     mode = 0o666 if old is None else stat.S_IMODE(old.st_mode)
     with open(part, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
         if old is not None:
@@ -56,9 +56,9 @@ def new_part(part: Path, old: os.stat_result | None) -> Iterator[BinaryIO]:
 
 @contextmanager
 def new_whole(path: Path, *, replaces: bool = True) -> Iterator[BinaryIO]:
-    """Open a file that takes the place of what is at `path` when it is whole, and else none.
+    """Open a file that replaces the one at `path` when it is complete.
 
-    Where it must not replace another, and one has come in the meantime, FileExistsError is raised.
+    Raises a FileExistsError if it must not replace another file, but one now exists.
     """
     target = find_target(path)
     part = find_part(target)
@@ -73,16 +73,16 @@ def new_whole(path: Path, *, replaces: bool = True) -> Iterator[BinaryIO]:
 
 
 def _claim(part: Path, target: Path) -> None:
-    """Take a name in one step, as two processes may want it, or raise FileExistsError."""
+    """Take a name atomically (another process may want it), or raise a FileExistsError."""
     try:
         os.link(part, target)
     except FileExistsError:
         raise
-    except OSError:  # The file system has no links: the name is taken by an empty file.
+    except OSError:  # The file system has no links: an empty file takes the name.
         os.close(os.open(target, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
 
 
 def complete(file: BinaryIO) -> None:
-    """Write what is not yet on the disk, which may be noticed to be full only here."""
+    """Flush a file to the disk; an error such as a full disk may occur only here."""
     file.flush()
     os.fsync(file.fileno())

@@ -223,7 +223,7 @@ def test_bad_input_is_refused_on_all_ranks(comm):
     refuses(comm, ValueError, "one of the three must be given", press(approach=1.0, force=2.0))
     refuses(comm, ValueError, name + "force is", press(force=-1.0 if last else 1.0))
     line = slabs.Slab(comm, (40,))
-    refuses(comm, ValueError, "contact on slabs has two axes", press(slab=line, element=0.1))
+    refuses(comm, ValueError, "contact on slabs must have two axes", press(slab=line, element=0.1))
     if comm.size > 1:
         refuses(comm, ValueError, "force is 1.0 on rank 0 and", press(force=1.0 + last))
         refuses(comm, ValueError, "element is", press(element=(0.1, 0.1 + 0.1 * last)))

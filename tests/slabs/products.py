@@ -286,7 +286,7 @@ def test_wrong_coefficients_are_refused_by_all(comm):
     refuses(comm, ValueError, text, make(c[:, :7] if is_last else c))
     bad = np.where(is_last, np.nan, c)
     refuses(comm, ValueError, f"rank {last}: c has the coefficient nan", make(bad))
-    refuses(comm, TypeError, "on slabs coefficients are real", make(c + 1j))
+    refuses(comm, TypeError, "coefficients on slabs must be real", make(c + 1j))
     refuses(comm, ValueError, "add up to inf", make(np.full(c.shape, 1e308)))
     # Those of all lags are nearly four times as many.
     refuses(comm, ValueError, "add up to inf", make(np.full(c.shape, 1e308 / 96)))

@@ -304,7 +304,7 @@ def test_wrong_systems_are_refused_by_all(comm):
     refuses(comm, ValueError, "rank 0: maxiter is 0", solve(b, maxiter=0))
     text = f"rank {last}: callback is 3, but must be a function"
     refuses(comm, TypeError, text, solve(b, callback=3 if is_last else None))
-    refuses(comm, TypeError, "A and b give the dtype complex128", solve(b + 1j))
+    refuses(comm, TypeError, "A and b have the dtype complex128", solve(b + 1j))
     serial = tmg.ToeplitzOperator(kernel(slab.local))
     text = "but both must be of toeplitz_mg.slabs, on the same slab, or none of them"
     refuses(comm, TypeError, text, solve(b, M=serial))

@@ -1,21 +1,20 @@
-"""Influence coefficients of the elastic half-space: pure functions, arrays out.
+"""Influence coefficients of the elastic half-space.
 
-Displacement differences of two bodies at the points (x, y) of the surface, by a unit traction on
-the rectangular element of size h₁ × h₂ that is centred on the origin, after Boussinesq (normal)
+They are the displacement differences of two bodies at the points (x, y) of the surface by a unit
+traction on the rectangular element of size h₁ × h₂ centred on the origin, after Boussinesq (normal)
 and Cerruti (tangential). With ρ the distance to the loaded point (paper, §2.3; Johnson, Contact
 Mechanics, §3.2 and §3.6; Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, §1.6):
 
     A_zz = 1/(πG) ∬ (1-ν)/ρ                    A_xx = 1/(πG) ∬ [(1-ν)/ρ + ν x²/ρ³]
     A_xy = 1/(πG) ∬ ν x y/ρ³                   A_yy = 1/(πG) ∬ [(1-ν)/ρ + ν y²/ρ³]
 
-The normal and the tangential directions are coupled where the materials differ, by K of
-`difference_parameter`; here the sign counts, and x and y go from the loaded point to the other:
+If the materials differ, K of `difference_parameter` couples the normal and the tangential
+directions. The sign matters here: x and y go from the loaded point to the other point.
 
     A_xz = -A_zx = -K/(πG) ∬ x/ρ²              A_yz = -A_zy = -K/(πG) ∬ y/ρ²
 
-Differences are of the first body less the second, z points into the first.
-
-Lengths are in mm and moduli in N/mm², or in any other consistent units.
+Differences are those of the first body minus the second; z points into the first. Lengths are in mm
+and moduli in N/mm², or in any other consistent units.
 """
 
 from collections.abc import Callable
@@ -31,22 +30,22 @@ from toeplitz_mg.halfspace.materials import check_constants, check_difference
 from toeplitz_mg.halfspace.rectangles import integrate
 from toeplitz_mg.values import count, positive, refuse_masked, require_broadcast
 
-FEW = 200  # Most strips whose eigenvalues are computed where their sign is in doubt.
+FEW = 200  # Most strips for which eigenvalues are computed if their sign is in doubt.
 
 
 class Component(NamedTuple):
-    """What is integrated over an element for the displacement in one direction by another.
+    """The kernel that is integrated over an element for a pair of directions.
 
     Attributes
     ----------
     kernel : function
-        Of the constant: the weights of the monomials, over 1/(πG).
+        Returns the weights of the monomials, in units of 1/(πG), for a value of the constant.
     constant : str
-        "nu", or "K" for what couples unequal materials.
+        "nu", or "K" for the coupling of unequal materials.
     parity : (int, int)
         Whether it is even (1) or odd (-1) in x and in y.
     is_exchanged : bool
-        Whether x and y change places in the monomials.
+        Whether x and y are exchanged in the monomials.
     """
 
     kernel: Callable[[float], Kernel]
@@ -84,7 +83,7 @@ def influence(
     nu: float = 0.0,
     K: float = 0.0,
 ) -> Array:
-    """Return the displacements in one direction by a unit traction in another, as "zz"."""
+    """Return the displacement in one direction by a unit traction in another, for example "zz"."""
     component = KERNELS[name]
     G, nu = check_constants(G, nu)
     constant = check_difference(K) if component.constant == "K" else nu
@@ -304,7 +303,7 @@ def line_contact_coefficients(n: int, h: float, *, G: float, nu: float, referenc
     d = positive("reference", reference)
     integral = integral_log(n)
     logarithm = np.subtract(np.log(d / h), integral, out=integral)
-    # Below the capacity only a few strips may still be positive definite.
+    # Below the capacity the matrix can be positive definite for a few strips only.
     if d <= n * h / 4.0 and (n > FEW or np.linalg.eigvalsh(toeplitz(logarithm))[0] <= 0.0):
         raise ValueError(
             f"reference is {d:g}, but must exceed the logarithmic capacity n h/4 = {n * h / 4:g} "
@@ -389,22 +388,22 @@ def all_offsets(grid_shape: tuple[int, int], element: tuple[float, float]) -> tu
 
 
 def check_element(element: tuple[float, float]) -> tuple[float, float]:
-    """Return the two sizes of an element, or say what is wrong with them."""
+    """Return the two sizes of an element; raise an error if they are not valid."""
     if refuse_masked("element", element).shape != (2,):
-        raise ValueError(f"element is {element}, but an element has the two sizes h1 and h2")
+        raise ValueError(f"element is {element}, but must have the two sizes h1 and h2")
     return positive("element[0]", element[0]), positive("element[1]", element[1])
 
 
 def _grid(grid_shape: tuple[int, int]) -> tuple[int, int]:
     if refuse_masked("grid_shape", grid_shape).shape != (2,):
-        raise ValueError(f"grid_shape is {grid_shape}, but the surface has the two axes x and y")
+        raise ValueError(f"grid_shape is {grid_shape}, but must have the two axes x and y")
     return count("grid_shape[0]", grid_shape[0]), count("grid_shape[1]", grid_shape[1])
 
 
 def _points(name: str, values: ArrayLike) -> Array:
     array = refuse_masked(name, values)
     if array.dtype.kind not in "buif":
-        raise TypeError(f"{name} has dtype {array.dtype}, but coordinates are real numbers")
+        raise TypeError(f"{name} has dtype {array.dtype}, but must have real numbers")
     array = array.astype(np.float64, copy=False)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} has coordinates that are not finite")

@@ -1,24 +1,23 @@
 """Integrals of the half-space's kernels over a rectangle and of the logarithm over an interval.
 
-All are exact to rounding, relative to the integral itself, at any point and for any shape of
-rectangle. A closed form is a difference over the corners, which loses digits as
-(distance/size)^2. So it serves near the rectangle only.
+All are accurate to rounding, relative to the integral, at any point and for any shape of the
+rectangle. A closed form is a difference over the corners and loses digits like (distance/size)². So
+it is used only near the rectangle.
 
-From afar it is a series in the square of the rectangle's size over the distance. With the Taylor
-series about its centre, ∬ f = h₁ h₂ Σ_k Σ_{a+b=k} (h₁/2)^2a (h₂/2)^2b /((2a+1)! (2b+1)!)
-∂_x^2a ∂_y^2b f. A kernel is a sum of monomials x^i y^j/ρ^m of degree -1. Where x^p y^q with p and q
-of 0 and 1 is taken out of it, and a power of ρ, each derivative is a polynomial in u = x²/ρ²:
+Far away the integral is a series in (size of the rectangle/distance)². The Taylor series about the
+centre gives ∬ f = h₁ h₂ Σ_k Σ_{a+b=k} (h₁/2)^2a (h₂/2)^2b /((2a+1)! (2b+1)!) ∂_x^2a ∂_y^2b f. A
+kernel is a sum of monomials x^i y^j/ρ^m of degree -1. After a factor x^p y^q (p, q = 0 or 1) and a
+power of ρ, each derivative is a polynomial in u = x²/ρ²:
 
     ∬ f = x^p y^q/ρ^(p+q+1) Σ_k ρ^(-2k) P_k(u).
 
-So a value takes one division, at most one root, and a few products. Nothing in it cancels.
-
-Elsewhere integrals along the rectangle, which are written without a cancellation, are integrated
-over its width: in the direction in which it is the narrower for its distance. With t the distance
-from a line, s that along it, ρ² = t² + s² and a kernel's integral F along the rectangle's length as
-a function of t, ∬ f = h Σ_k (h/2)^2k/(2k+1)! F^(2k)(t) for the width h. At each end of the length
-the derivatives are w P(u)/t^m, with a polynomial of u = s²/ρ² and a factor w = s^i t^j/ρ^(i+j).
-Nearer by Gauss's rule takes the place of the series.
+So a value takes one division, at most one root, and a few products, without cancellation. At medium
+distances the kernel is integrated in closed form along the rectangle, written without cancellation,
+and numerically over its width; the width is the side that is smaller relative to its distance. Let
+t be the distance from a line, s the coordinate along it, ρ² = t² + s², and F(t) the integral along
+the length. Then ∬ f = h Σ_k (h/2)^2k/(2k+1)! F^(2k)(t) for the width h. At each end of the length
+the derivatives are w P(u)/t^m, with a polynomial of u = s²/ρ² and a factor w = s^i t^j/ρ^(i+j). At
+shorter distances Gauss's rule replaces the series.
 """
 
 from collections import defaultdict
@@ -32,28 +31,28 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 
-Monomial = tuple[int, int, int]  # (i, j, m) is x^i y^j/ρ^m, and i + j - m = -1.
-Kernel = dict[Monomial, float]  # Monomials that are even or odd alike, and their weights.
+Monomial = tuple[int, int, int]  # (i, j, m) stands for x^i y^j/ρ^m, with i + j - m = -1.
+Kernel = dict[Monomial, float]  # Monomials of the same parities, and their weights.
 
 ONE, XX, XY, X = (0, 0, 1), (2, 0, 3), (1, 1, 3), (1, 0, 2)  # 1/ρ, x²/ρ³, x y/ρ³ and x/ρ².
 
-BLOCK = 2**14  # Points of a block: of fewer, threads wait for the interpreter between passes.
-# From the first k on, the k-th ∫ ln|s| is ln k - Σ 1/(2j (2j+1) (2k)^2j) with so many terms: the
-# next is 1e-20.
+BLOCK = 2**14  # Points of a block; with fewer, threads wait for the interpreter between passes.
+# From the first number on, the k-th ∫ ln|s| is ln k - Σ 1/(2j (2j+1) (2k)^2j) with the second
+# number of terms; the next term is 1e-20.
 LOG_SERIES = (16, 5)
-LOG_GAUSS = (2, 10)  # The first k of Gauss's rule, and its nodes.
+LOG_GAUSS = (2, 10)  # The first k for which Gauss's rule is used, and its number of nodes.
 
 # From afar ----------------------------------------------------------------------------------------
 
-HIGHEST = 9  # Order of the longest series: it begins at 7.7 half diagonals, and the next at 6.7.
+HIGHEST = 9  # Order of the longest series, used from 7.7 half diagonals on (the next: 6.7).
 
 
 def _reach(order: int) -> float:
-    """Return the distance, in half diagonals, from which on a series up to this order is exact.
+    """Return the distance, in half diagonals, from which a series up to this order is exact.
 
-    The monomials come from harmonic functions by at most two derivatives. So in the unit of the
-    half diagonal, what is left out first is at most (2k)² moments/ρ^2k; the moments of order 2k,
-    largest of a rectangle that is a line, are at most 1/(2k + 1).
+    The monomials are at most second derivatives of harmonic functions. So, in units of the half
+    diagonal, the first neglected term is at most (2k)² moments/ρ^2k. The moments of order 2k are
+    largest for a rectangle that is a line, 1/(2k + 1).
     """
     k = order + 1
     return float(((2 * k + 1) * 2.0**53) ** (0.5 / k))
@@ -80,19 +79,19 @@ def choose(
     evaluate: Callable[..., Array],
     *points: Array,
 ) -> Array:
-    """Return values at points, each by the rule that begins last before its distance.
+    """Return values at points; each uses the last rule that starts below its distance.
 
     Parameters
     ----------
     begins : mapping
-        From where on each rule serves, upwards; the first one up to where the second begins.
+        The distance from which each rule is used, ascending; the first is used from zero on.
     distance : ndarray
-        Of the points.
+        The distances of the points.
     evaluate : function
-        Of a rule, and of those of the `points` that it is to serve: arrays of shape (points,), or
-        all points in their own shape.
+        ``evaluate(rule, *points)`` for the points of a rule: arrays of shape (points,), or all
+        points in their own shape.
     points : ndarray
-        They broadcast to the shape of the distances.
+        Arrays that broadcast to the shape of the distances.
     """
     if distance.size == 0:
         return np.empty(distance.shape)
@@ -137,9 +136,9 @@ def _evaluate(p: list[float], u: Array, out: Array) -> Array:
 
 @cache
 def _derivatives(monomial: Monomial) -> Array:
-    """Return the ∂_x^2a ∂_y^2b of a monomial over 2^2k (2a+1)! (2b+1)!, b = k - a.
+    """Return the ∂_x^2a ∂_y^2b of a monomial divided by 2^2k (2a+1)! (2b+1)!, b = k - a.
 
-    Shape (orders k, a, powers of u); zero where a > k.
+    The shape is (orders k, a, powers of u); entries with a > k are zero.
     """
     result = np.zeros((HIGHEST + 1, HIGHEST + 1, HIGHEST + 2))
     for k in range(HIGHEST + 1):
@@ -147,7 +146,7 @@ def _derivatives(monomial: Monomial) -> Array:
             b = k - a
             p = [0] * (HIGHEST + 2)
             for (i, j, _), c in _derivative(monomial, 2 * a, 2 * b).items():
-                # x^i y^j is x^(i % 2) y^(j % 2) u^(i // 2) (1 - u)^(j // 2), times a power of ρ.
+                # x^i y^j = x^(i % 2) y^(j % 2) u^(i // 2) (1 - u)^(j // 2), times a power of ρ.
                 for power in range(j // 2 + 1):
                     p[i // 2 + power] += c * comb(j // 2, power) * (-1) ** power
             below = 4**k * factorial(2 * a + 1) * factorial(2 * b + 1)
@@ -157,7 +156,7 @@ def _derivatives(monomial: Monomial) -> Array:
 
 @cache
 def _derivative(monomial: Monomial, in_x: int, in_y: int) -> dict[Monomial, int]:
-    """Return the monomials of a derivative, and their coefficients."""
+    """Return the monomials of a derivative with their coefficients."""
     if in_x == in_y == 0:
         return {monomial: 1}
     di, dj = (1, 0) if in_x else (0, 1)
@@ -171,18 +170,18 @@ def _derivative(monomial: Monomial, in_x: int, in_y: int) -> dict[Monomial, int]
 
 # Along the rectangle ------------------------------------------------------------------------------
 
-# From a distance of t widths on the integrand is analytic in an ellipse whose half axes add up to
-# ϱ = 2 t + √(4 t² - 1) half widths, and Gauss's rule errs by ϱ^(-2 nodes).
+# At a distance of t widths or more the integrand is analytic in an ellipse whose half axes sum to
+# ϱ = 2 t + √(4 t² - 1) half widths; the error of Gauss's rule is ϱ^(-2 nodes).
 NEAREST, NODES = 2.0, 10
-HIGHEST_ALONG = 4  # Order of the longest series: it begins at 16.6 widths, where Gauss's rule ends.
-NEAR, BY_GAUSS = -2, -1  # The rules that are no order of a series: a closed form, and Gauss's.
+HIGHEST_ALONG = 4  # Order of the longest series, used from 16.6 widths on; below is Gauss's rule.
+NEAR, BY_GAUSS = -2, -1  # The other rules: the closed form, and Gauss's rule.
 
 
 def _begin_along(order: int) -> float:
-    """Return the distance, in widths, from which on a series up to this order is exact.
+    """Return the distance, in widths, from which a series up to this order is exact.
 
-    By Cauchy's estimate, as F is analytic where it is less than t away: what is left out first is
-    at most 1/((2k + 1) (2t)^2k).
+    F is analytic at distances below t, so by Cauchy's estimate the first neglected term is at most
+    1/((2k + 1) (2t)^2k).
     """
     k = order + 1
     return float(0.5 * (2.0**54 / (2 * k + 1)) ** (0.5 / k))
@@ -197,16 +196,16 @@ BEGINS = {
 
 @dataclass(frozen=True)
 class LineIntegral:
-    """∫ f ds of a kernel f over a length at a distance: α closed + β w over the ends.
+    """∫ f ds for a kernel f along a length: α closed + β w, evaluated at the ends.
 
     Attributes
     ----------
     alpha, beta : float
     closed : function
-        Of t, of s in the middle, the length, and s and ρ at both ends. Its derivative by t is
-        w P(u)/t over the ends, with the polynomial `slope`.
+        A function of t, s in the middle, the length, and s and ρ at both ends. Its derivative by t
+        is w P(u)/t at the ends, with the polynomial `slope`.
     powers : (int, int)
-        i and j of w = s^i t^j/ρ^(i+j).
+        i and j in w = s^i t^j/ρ^(i+j).
     slope : tuple of float
     """
 
@@ -232,11 +231,11 @@ class LineIntegral:
         return cls(weight, 0.0, _half_logarithm, (0, 0), (1.0, -1.0))
 
     def at(self, t: Array, s: Array, length: float) -> Array:
-        """Return α closed, on the line at the distance t."""
+        """Return α closed for the line at the distance t."""
         return self._evaluate([], t, s, length)
 
     def over_width(self, rule: int, t: Array, s: Array, width: Array, length: float) -> Array:
-        """Return the integral over a width, by a rule that is not `NEAR`."""
+        """Return the integral over a width, by any rule except `NEAR`."""
         P = _polynomials_along(self)
         if rule == BY_GAUSS:
             value = np.zeros_like(t)
@@ -252,7 +251,7 @@ class LineIntegral:
     def _evaluate(
         self, P: list[list[float]], t: Array, s: Array, length: float, e: Array | float = 0.0
     ) -> Array:
-        """Return α closed + w Σ_k e^k P_k(u) over the ends."""
+        """Return α closed + w Σ_k e^k P_k(u), evaluated at the ends."""
         low, high = s - 0.5 * length, s + 0.5 * length
         t2 = t * t
         r1, r2 = np.sqrt(t2 + low * low), np.sqrt(t2 + high * high)
@@ -276,7 +275,7 @@ class LineIntegral:
 
 @lru_cache(maxsize=64)
 def _polynomials_along(line: LineIntegral) -> list[list[float]]:
-    """Return the P_2k(u)/(2k+1)! of all orders k."""
+    """Return P_2k(u)/(2k+1)! for all orders k."""
     own = _derivatives_along(line.powers, (1.0,), 0)
     closed = [np.zeros(1), *_derivatives_along(line.powers, line.slope, 1)]
     P = [
@@ -289,7 +288,7 @@ def _polynomials_along(line: LineIntegral) -> list[list[float]]:
 
 @cache
 def _derivatives_along(powers: tuple[int, int], first: tuple[float, ...], m: int) -> list[Array]:
-    """Return the P_m, P_m+1 … of derivatives w P_m(u)/t^m, from the first."""
+    """Return P_m, P_m+1, … in the derivatives w P_m(u)/t^m, given the first."""
     i, j = powers
     u, P = np.polynomial.Polynomial([0.0, 1.0]), np.polynomial.Polynomial(first)
     found = [P]
@@ -304,7 +303,7 @@ def _logarithm(
     t: Array, s: Array, length: float, low: Array, high: Array, r1: Array, r2: Array
 ) -> Array:
     """Return ∫ ds/ρ = ln (r1 + r2 + length)/(r1 + r2 - length)."""
-    # The lower one is the sum of r1 + low and r2 - high, which are written as none cancels.
+    # The denominator is (r1 + low) + (r2 - high), each written without cancellation.
     t2 = t * t
     before = r1 + np.abs(low)
     before = np.where(low > 0.0, before, t2 / before)
@@ -317,7 +316,7 @@ def _angle(
     t: Array, s: Array, length: float, low: Array, high: Array, r1: Array, r2: Array
 ) -> Array:
     """Return ∫ t/ρ² ds, the angle at which the length is seen."""
-    # Where the sum cancels, it is small beside the product: the angle is close to a right one.
+    # If the sum cancels it is small compared to the product: the angle is near a right angle.
     value: Array = np.arctan2(length * t, t * t + low * high)
     return value
 
@@ -331,7 +330,7 @@ def _half_logarithm(
 
 @cache
 def gauss(nodes: int) -> list[tuple[float, float]]:
-    """Return the nodes and the weights of Gauss and Legendre's rule on [-½, ½]."""
+    """Return the nodes and weights of the Gauss-Legendre rule on [-½, ½]."""
     s, w = np.polynomial.legendre.leggauss(nodes) / np.array(2.0)
     return list(zip(s.tolist(), w.tolist(), strict=True))
 
@@ -340,10 +339,11 @@ def gauss(nodes: int) -> list[tuple[float, float]]:
 
 
 def exact_integral(kernel: Kernel, h1: float, h2: float) -> Callable[[Array, Array], Array]:
-    """Return the integral of a kernel over the rectangle h1 × h2 about the origin, as a function.
+    """Return a function for the integral of a kernel over the rectangle h1 × h2 about the origin.
 
-    Its arguments `x` and `y`, of shape (points,), go from the rectangle's centre to the points, and
-    x and y in the kernel's monomials from an element of area; `ONE` and `XX` may be together.
+    Its arguments `x` and `y`, of shape (points,), are the points relative to the rectangle's
+    centre. In the monomials x and y are relative to an element of area. `ONE` and `XX` may be
+    combined.
     """
     if XY in kernel:
         return lambda x, y: kernel[XY] * _integral_xy(x, y, h1, h2)
@@ -357,20 +357,20 @@ def exact_integral(kernel: Kernel, h1: float, h2: float) -> Callable[[Array, Arr
                 return over_corners(x, y, h1, h2)
             return lines[in_x].over_width(rule, t, s, width, length)
 
-        with np.errstate(divide="ignore"):  # Of no width the integral is zero.
+        with np.errstate(divide="ignore"):  # The integral over a width of zero is zero.
             distance = t / width
         return choose(BEGINS, distance, serve, x, y, t, s, width)
 
     def integral(x: Array, y: Array) -> Array:
-        # It is even or odd in x and in y, to the last bit.
+        # The integral is exactly even or odd in x and in y.
         sign, x, y = np.sign(x), np.abs(x), np.abs(y)
         if X in kernel:
-            # What the rectangle has behind a point inside cancels as much of it ahead, and is left
-            # out. The rest has one sign. This is its width, and the distance of its middle.
+            # For a point inside, the parts of the rectangle before and behind it cancel, and only
+            # the rest is integrated, with one sign. This is its width, and its distance.
             width, middle = np.minimum(2.0 * x, h1), np.maximum(x, h1 / 2.0)
         else:
             width, middle = np.full_like(x, h1), x
-        # Products are compared, as the width is zero on the axis.
+        # Compare products, because the width is zero on the axis.
         in_x = middle * h2 >= y * width
         value = choose({0: 0.0, 1: 1.0}, in_x, evaluate, x, y, middle, width)
         return sign * value if X in kernel else value
@@ -379,12 +379,12 @@ def exact_integral(kernel: Kernel, h1: float, h2: float) -> Callable[[Array, Arr
 
 
 def _closed(kernel: Kernel) -> tuple[tuple[LineIntegral, LineIntegral], Callable[..., Array]]:
-    """Return a kernel's integrals along x and along y, and over the corners."""
+    """Return the integrals of a kernel along x and along y, and in closed form over the corners."""
     if X in kernel:
         lines = LineIntegral.half_logarithm(kernel[X]), LineIntegral.angle(kernel[X])
         return lines, partial(_x_over_corners, lines)
     one, xx = kernel.get(ONE, 0.0), kernel.get(XX, 0.0)
-    # Along x, x²/ρ³ is 1/ρ - y²/ρ³.
+    # For the integral along x: x²/ρ³ = 1/ρ - y²/ρ³.
     lines = LineIntegral.inverse(one + xx, -xx), LineIntegral.inverse(one, xx)
     return lines, partial(_over_corners, one, xx)
 
@@ -392,14 +392,14 @@ def _closed(kernel: Kernel) -> tuple[tuple[LineIntegral, LineIntegral], Callable
 def _integral_xy(x: Array, y: Array, h1: float, h2: float) -> Array:
     """Return ∬ x y/ρ³."""
     X, Y = ([a * a for a in _sides(*side)] for side in ((x, h1), (y, h2)))
-    # It is -[[ρ]] over the corners, each difference by a - b = (a² - b²)/(a + b): exact everywhere.
+    # -[[ρ]] over the corners, with each difference as (a² - b²)/(a + b), which is always accurate.
     r11, r12, r21, r22 = (np.sqrt(a + b) for a in X for b in Y)
     sums = 1.0 / (r11 + r12) + 1.0 / (r21 + r22)
     return 4.0 * x * h1 * y * h2 * sums / ((r11 + r21) * (r12 + r22))
 
 
 def integral_log(n: int) -> Array:
-    """Return ∫ ln|s| ds from k - ½ to k + ½, for k = 0 ... n - 1."""
+    """Return ∫ ln|s| ds from k - ½ to k + ½ for k = 0 … n - 1."""
     integral = np.empty(n)
     k = np.arange(min(n, LOG_SERIES[0]), dtype=np.float64)
     right, left = k + 0.5, np.abs(k - 0.5)
@@ -420,14 +420,14 @@ def integral_log(n: int) -> Array:
 
 
 def _over_corners(one: float, xx: float, x: Array, y: Array, h1: float, h2: float) -> Array:
-    """Return ∬ one/ρ + xx x²/ρ³ as differences over the corners.
+    """Return ∬ one/ρ + xx x²/ρ³ as a difference over the corners.
 
-    Those of x²/ρ³ and y²/ρ³ are [[Y asinh(X/|Y|)]] and [[X asinh(Y/|X|)]], of 1/ρ their sum.
+    For x²/ρ³ it is [[Y asinh(X/|Y|)]], for y²/ρ³ [[X asinh(Y/|X|)]], and for 1/ρ their sum.
     """
 
     def term(a: Array, b: Array) -> Array:
         safe = np.where(a == 0.0, 1.0, np.abs(a))
-        return a * np.arcsinh(b / safe)  # This is 0 where a is 0.
+        return a * np.arcsinh(b / safe)  # 0 where a is 0.
 
     (X1, X2), (Y1, Y2) = _sides(x, h1), _sides(y, h2)
     of_xx = term(Y2, X2) - term(Y2, X1) - term(Y1, X2) + term(Y1, X1)
@@ -438,16 +438,16 @@ def _over_corners(one: float, xx: float, x: Array, y: Array, h1: float, h2: floa
 def _x_over_corners(
     lines: tuple[LineIntegral, LineIntegral], x: Array, y: Array, h1: float, h2: float
 ) -> Array:
-    """Return ∬ x/ρ² = [[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, by those along sides."""
+    """Return ∬ x/ρ² = [[½ Y ln(X² + Y²) + X arctan(Y/X)]] for x, y ≥ 0, from integrals on sides."""
     along_x, along_y = lines
 
     def logarithm(Y: Array) -> Array:
-        # At a corner it is infinite, and its product with Y = 0 is zero.
+        # At a corner the logarithm is infinite, but its product with Y = 0 is zero.
         return Y * along_x.at(np.where(Y == 0.0, h1, Y), x, h1)
 
-    X1, X2 = np.abs(x - h1 / 2.0), x + h1 / 2.0  # The ends of the part that has one sign.
+    X1, X2 = np.abs(x - h1 / 2.0), x + h1 / 2.0  # The ends of the part with one sign.
     Y1, Y2 = _sides(y, h2)
-    # So near, what is subtracted is not large beside the integral, whatever the shape.
+    # Near the rectangle the subtracted terms are not large compared to the integral.
     angles = X2 * along_y.at(X2, y, h2) - X1 * along_y.at(X1, y, h2)
     return logarithm(Y2) - logarithm(Y1) + angles
 

@@ -1,4 +1,4 @@
-"""Elastic constants of a body, and of two in contact."""
+"""Elastic constants of one body, and of two bodies in contact."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,8 +9,8 @@ import numpy as np
 
 from toeplitz_mg.values import positive, real, refuse_masked
 
-ALIKE = 1e-9  # Error of constants of two bodies that is rounding.
-WANTED = "a contact.Material, or two of them, (first, second)"  # What is said where it is not.
+ALIKE = 1e-9  # Largest relative difference of equal constants, by rounding.
+WANTED = "a contact.Material, or two of them, (first, second)"  # For error messages.
 
 
 @dataclass(frozen=True, init=False)
@@ -180,7 +180,7 @@ class CombinedMaterial:
         return self.G / (1.0 - self.nu)
 
 
-# What a user gives for the bodies: one material for both, that of each, or combined before.
+# The ways to give the bodies: one material for both, one for each, or combined constants.
 Bodies = Material | CombinedMaterial | Sequence[Material]
 
 
@@ -274,12 +274,12 @@ def difference_parameter(first: Material, second: Material) -> float:
 
 
 def combine(material: Any) -> CombinedMaterial:
-    """Return the combined constants of what a user gave for the bodies, or say what is wrong.
+    """Return the combined constants of a user's `material`; raise an error if it is not valid.
 
     Parameters
     ----------
     material : Material, (Material, Material) or CombinedMaterial
-        Of both bodies; of each of the two; or combined before.
+        One for both bodies, one for each, or combined constants.
     """
     if isinstance(material, CombinedMaterial):
         return material
@@ -296,7 +296,7 @@ def combine(material: Any) -> CombinedMaterial:
 
 
 def _refuse_numbers(material: Any) -> None:
-    """Refuse two numbers in the place of a body, or of both."""
+    """Raise an error for two numbers given instead of a material."""
     if isinstance(material, np.ndarray):
         material = refuse_masked("material", material).tolist()
     match material:
@@ -310,22 +310,22 @@ def _refuse_numbers(material: Any) -> None:
 
 
 def check_ratio(nu: float) -> float:
-    """Return a Poisson's ratio, or say that no elastic body has it."""
+    """Return a Poisson's ratio; raise an error if no elastic body has it."""
     nu = real("nu", nu)
     if not -1.0 < nu <= 0.5:
-        raise ValueError(f"nu is {nu}, but Poisson's ratio lies in (-1, 0.5]")
+        raise ValueError(f"nu is {nu}, but Poisson's ratio must lie in (-1, 0.5]")
     return nu
 
 
 def check_constants(G: float, nu: float) -> tuple[float, float]:
-    """Return the two constants of a kernel, or say which of them no elastic body has."""
+    """Return the two constants of a kernel; raise an error if no elastic body has them."""
     return positive("G", G, "N/mm**2"), check_ratio(nu)
 
 
 def check_difference(K: float, *, name: str = "K") -> float:
-    """Return a difference parameter, or say that no two bodies have it."""
+    """Return a difference parameter; raise an error if no two bodies have it."""
     K = real(name, K)
-    # The largest, ½ (1-2ν), is that of a body on a rigid one.
+    # The largest value, ½ (1-2ν), occurs for a body on a rigid one.
     if not -1.5 < K < 1.5:
-        raise ValueError(f"{name} is {K}, but a difference parameter lies in (-1.5, 1.5)")
+        raise ValueError(f"{name} is {K}, but a difference parameter must lie in (-1.5, 1.5)")
     return K

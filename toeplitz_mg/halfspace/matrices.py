@@ -1,4 +1,4 @@
-"""The matrix of a grid of elements, from its shape, their size and the two materials."""
+"""The influence matrix of a grid of elements, from its shape, element size and materials."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from toeplitz_mg.operators import CoupledOperator, ToeplitzOperator
 from toeplitz_mg.operators.coefficients import Coefficients
 from toeplitz_mg.values import count, positive, refuse_masked
 
-NEGLIGIBLE = 1e-17  # Size of ν and K on which no digit of a displacement in float64 depends.
+NEGLIGIBLE = 1e-17  # Smaller ν and K do not change any digit of a displacement in float64.
 
 
 def influence_matrix(
@@ -82,7 +82,7 @@ def influence_matrix(
     is_text = isinstance(directions, str) and directions
     if not is_text or directions != "".join(d for d in "xyz" if d in directions):
         raise ValueError(
-            f"directions is {directions!r}, but must be one or several of x, y and z, as 'xy'"
+            f"directions is {directions!r}, but must be one or several of x, y and z, such as 'xy'"
         )
     for name, value, wanted in (
         ("grid_shape", grid_shape, "(n1, n2), or (n,) for strips"),
@@ -95,7 +95,7 @@ def influence_matrix(
     if len(element) == 1 and (directions not in ("x", "y", "xy", "z") or len(shape) != 1):
         raise ValueError(
             f"directions is {directions!r} on a grid of shape {grid_shape}, but plane strain "
-            "(an element of one size) has one axis, and x, y, xy or z for directions"
+            "(an element of one size) must have one axis, and x, y, xy or z as directions"
         )
     if reference is None:
         reference = element[0] * grid_shape[0]
@@ -111,7 +111,7 @@ def evaluate_all(
     material: CombinedMaterial,
     reference: float,
 ) -> dict[str, Array]:
-    """Return the coefficients of all pairs of directions, at offsets that are not negative."""
+    """Return the coefficients for all pairs of directions, at nonnegative offsets."""
     names = [name for name in KERNELS if set(name) <= set(directions)]
     return {name: quadrant(name, shape, element, material, reference) for name in names}
 
@@ -119,12 +119,12 @@ def evaluate_all(
 def assemble(
     directions: str, coefficients: dict[str, Array], ahead: int
 ) -> ToeplitzOperator | CoupledOperator:
-    """Return the matrix of coefficients, of displacements so many elements further along x."""
+    """Return the matrix for these coefficients, with displacements `ahead` elements along x."""
     blocks: dict[str, ToeplitzOperator | None] = {}
     for name, c in coefficients.items():
         parity = KERNELS[name].parity
         blocks[name] = block = operator_of(c, parity, ahead) if c.any() else None
-        # By reciprocity, what is odd in one of x and y has the other sign the other way round.
+        # By reciprocity, a block that is odd in only one of x and y changes its sign if transposed.
         is_odd = parity[0] != parity[1]
         blocks[name[::-1]] = operator_of(-c, parity, ahead) if block and is_odd else block
     if len(directions) == 1 and (only := blocks[2 * directions]):
@@ -140,20 +140,20 @@ def coupling_matrices(
     *,
     ahead: int = 0,
 ) -> tuple[ToeplitzOperator | None, ...]:
-    """Return the matrices of the displacements along a surface by the pressures on it.
+    """Return the matrices of the tangential displacements of a surface by pressures.
 
     Parameters
     ----------
     directions : str
-        Of the displacements: "x" or "xy".
+        Directions of the displacements: "x" or "xy".
     grid_shape, element, material, ahead
         The arguments of `influence_matrix`.
 
     Returns
     -------
     tuple of ToeplitzOperator or None
-        One for each direction; None where nothing couples it. By reciprocity the transpose of
-        each gives the normal displacements by the tractions along it.
+        One for each direction; None if there is no coupling. By reciprocity their transposes give
+        the normal displacements by tangential tractions.
     """
     bodies = combine(material)
     shape = (grid_shape[0] + ahead, *grid_shape[1:])
@@ -171,15 +171,15 @@ def quadrant(
     material: CombinedMaterial,
     reference: float,
 ) -> Array:
-    """Return the coefficients of two directions, as "zz", at offsets that are not negative."""
+    """Return the coefficients of two directions, for example "zz", at nonnegative offsets."""
     if len(element) == 1:
-        if name == "xz":  # A line load strains the surface nowhere else: the sides move as one.
+        if name == "xz":  # A line load causes no strain beside it: each side moves as a whole.
             step = np.sign(np.arange(shape[0], dtype=np.float64))
             coupling: Array = -material.difference / material.G * element[0] * step
             return coupling
-        if name in ("xy", "yz"):  # What lies along the strips moves along the strips alone.
+        if name in ("xy", "yz"):  # Displacements along the strips do not couple to others.
             return np.zeros(shape)
-        # Along the strips it is antiplane shear, of which Poisson's ratio is no part.
+        # Along the strips it is antiplane shear, which does not depend on Poisson's ratio.
         G, nu = material.G, 0.0 if name == "yy" else material.nu
         return line_contact_coefficients(shape[0], element[0], G=G, nu=nu, reference=reference)
     x, y = offsets((shape[0], shape[1] if len(shape) == 2 else 1), (element[0], element[1]))
@@ -189,25 +189,25 @@ def quadrant(
 def evaluate(
     name: str, x: Array, y: Array, element: tuple[float, ...], material: CombinedMaterial
 ) -> Array:
-    """Return the coefficients of two directions, as "zz", on a surface, at any offsets."""
+    """Return the coefficients of two directions, for example "zz", at any offsets on a surface."""
     constant = KERNELS[name].constant
     value = material.difference if constant == "K" else material.nu
-    # What couples two directions may be too small to be multiplied.
+    # The coupling of two directions may be so small that products underflow.
     value = 0.0 if abs(value) < NEGLIGIBLE else value
     return influence(name, x, y, (element[0], element[1]), G=material.G, **{constant: value})
 
 
 def operator_of(c: Array, parity: tuple[int, ...], ahead: int) -> ToeplitzOperator:
-    """Return the matrix of coefficients that are even or odd in each axis."""
+    """Return the matrix with coefficients that are even or odd in each axis."""
     if ahead == 0 and set(parity[: c.ndim]) == {1}:
-        return ToeplitzOperator(Coefficients.of_column(c))  # It is no dense matrix, for certain.
+        return ToeplitzOperator(Coefficients.of_column(c))  # Without the check for a dense matrix.
     lags = np.empty([2 * n - 1 for n in c.shape])
     lags[tuple(slice(n - 1, None) for n in c.shape)] = c
     for axis, n in enumerate(c.shape):
-        # The axes before this one are complete.
+        # The axes before this one are already complete.
         behind = [slice(m - 1, None) for m in c.shape[axis + 1 :]]
         before = [slice(None)] * axis
         at = (*before, slice(n, None), *behind)
         lags[(*before, slice(n - 1), *behind)] = parity[axis] * np.flip(lags[at], axis)
-    # The coefficient at the offset d is that of the kernel at d + ahead.
+    # The coefficient at the offset d is the kernel at d + ahead.
     return ToeplitzOperator.from_lags(lags[2 * ahead :])

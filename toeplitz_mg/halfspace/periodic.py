@@ -1,21 +1,21 @@
-"""Surfaces that repeat along one axis or all: the displacements by waves of traction.
+"""Surfaces that are periodic along one axis or along all: displacements by waves of traction.
 
-A wave of tractions t cos(q·x) on two half-spaces displaces them by waves too,
+A wave of tractions t cos(q·x) on two half-spaces causes waves of displacements,
 
     u = 2/(G|q|) (t - ν q (q·t)/|q|²) cos(q·x) along the surface,    2(1-ν)/(G|q|) t cos(q·x) normal
 
-to it. Along an axis that repeats the tractions are sums of the waves that the grid has, and their
-displacements are taken from this continuous symbol; along an axis that ends they are constant in
-each element, as on a surface that repeats nowhere: there the modified Bessel functions K₀ and K₁
-are integrated over the elements. With c = cosh t, K₀(s) = ∫ exp(-s c) dt and K₁(s) = ∫ c exp(-s c)
-dt over all t ≥ 0, so that over an element from a > 0 to a + w
+to it. Along a periodic axis the tractions are sums of the waves that the grid resolves, and this
+continuous symbol gives their displacements. Along a finite axis they are constant in each element,
+as on a nonperiodic surface. There the modified Bessel functions K₀ and K₁ are integrated over the
+elements. With c = cosh t, K₀(s) = ∫ exp(-s c) dt and K₁(s) = ∫ c exp(-s c) dt over all t ≥ 0, so
+that over an element from a > 0 to a + w
 
     ∫ K₀ ds = ∫ exp(-a c) D/c dt,                D = 1 - exp(-w c),
     ∫ s K₁ ds = ∫ exp(-a c) (a D + g/c) dt,      g = 1 - (1 + w c) exp(-w c),
     ∫ s K₀ ds = ∫ exp(-a c) (a D + g/c)/c dt.
 
-All terms are positive, so that nothing cancels. The integrands are analytic within π/2 of the real
-t and die out twice exponentially, so that the trapezoidal rule errs by exp(-π²/step) only.
+All terms are positive, so nothing cancels. The integrands are analytic within π/2 of the real axis
+and decay double exponentially, so the error of the trapezoidal rule is only exp(-π²/step).
 """
 
 from collections.abc import Iterator
@@ -38,11 +38,11 @@ from toeplitz_mg.operators import CoupledOperator, DiagonalisedOperator, Toeplit
 from toeplitz_mg.operators.coefficients import Coefficients
 from toeplitz_mg.operators.positivity import require_positive
 
-STEP = 0.2  # Of the trapezoidal rule: it errs by 4e-22.
-FARTHEST = 39.0  # Exponent beyond which exp(-a c) is nothing, 1e-17.
-NEAREST = 4  # Elements that are done at once, where those further away are twice as many.
-ALIKE = 1.25  # Most that the widths of elements which are done together differ.
-BLOCK = 2**15  # Exponentials that are computed at once: they stay in the cache.
+STEP = 0.2  # Step of the trapezoidal rule; its error is 4e-22.
+FARTHEST = 39.0  # Exponents beyond this are neglected: exp(-39) is 1e-17.
+NEAREST = 4  # Number of elements in the first block; the blocks further away are twice as large.
+ALIKE = 1.25  # Largest ratio of the element widths in one block.
+BLOCK = 2**15  # Exponentials computed at once; they stay in the cache.
 
 # Up to z = w c = 1, g is z² Σ (-1)^k (k + 1)/(k + 2)! z^k: the next term is 1e-17.
 G_SERIES = [[(-1.0) ** k * (k + 1) / factorial(k + 2)] for k in range(18)]
@@ -60,10 +60,10 @@ K0_SERIES = [
 
 @dataclass(frozen=True)
 class Waves:
-    """The waves of a grid that repeats along some of its axes (see `contact.grid.Grid`).
+    """The waves of a grid that is periodic along some of its axes (see `contact.grid.Grid`).
 
-    The matrices are circulants along an axis that repeats, and embedded in circulants along one
-    that ends. Directions of displacements and tractions are named as in `periodic_eigenvalues`.
+    Along a periodic axis the matrices are circulants; along a finite one they are embedded in
+    circulants. Directions of displacements and tractions are named as in `periodic_eigenvalues`.
     """
 
     shape: tuple[int, ...]
@@ -74,26 +74,26 @@ class Waves:
 
     @property
     def are_all(self) -> bool:
-        """Whether all that moves is a wave: the surface repeats, and nothing of it ends."""
+        """Whether waves describe everything: all axes are periodic, and no strip is finite."""
         return all(self.periodic) and len(self.element) == len(self.shape)
 
     def normal(self) -> tuple[ToeplitzOperator, float]:
-        """Return the matrix of normal contact over its diagonal, and that."""
+        """Return the matrix of normal contact divided by its diagonal entry, and that entry."""
         return self._matrix("zz", is_scaled=True)
 
     def inverse_of_normal(self) -> tuple[ToeplitzOperator, float]:
-        """Return the pressures by the displacements over their diagonal, and that.
+        """Return the matrix from displacements to pressures over its diagonal, and that entry.
 
-        All axes repeat. A mean displacement takes no pressure.
+        All axes are periodic. A mean displacement causes no pressure.
         """
         eigenvalues = self._eigenvalues("zz")
         eigenvalues.flat[0] = np.inf
         return self._operator(1.0 / eigenvalues, is_scaled=True)
 
     def tangential(self, directions: str) -> ToeplitzOperator | CoupledOperator:
-        """Return the matrix of tangential contact, of tractions along "x" or "xy"."""
+        """Return the matrix of tangential contact for tractions along "x" or "xy"."""
         if len(self.shape) == 1:
-            # In plane strain both have the same coefficients.
+            # In plane strain "zz" and "xx" have the same coefficients.
             first = self._matrix("zz" if len(self.element) == 1 else "xx")[0]
             if directions == "x":
                 return first
@@ -103,15 +103,15 @@ class Waves:
             np.array([[xx, xy], [xy, yy]]), self._lengths, (2, *self.shape)
         )
         first, second = self._matrix("xx")[0], self._matrix("yy")[0]
-        # Without coupling, as where ν is zero, the block is zero.
+        # Without coupling (for example ν = 0) the block is zero.
         coupling = self._matrix("xy")[0] if xy.any() else None
         return CoupledOperator([[first, coupling], [coupling, second]], product=product)
 
     def invert(self, A: Any, dtype: DTypeLike | None) -> DiagonalisedOperator:
-        """Return the inverse of a matrix, but for its mean, and where the surface ends.
+        """Return the inverse of a matrix, except for its mean and for finite axes.
 
-        An axis that ends is taken for one that repeats. The mean, which has no eigenvalue then, is
-        given that of a wave of twice the longest.
+        A finite axis is treated as periodic. The mean, which has no eigenvalue then, gets twice the
+        largest one.
         """
         precision = np.dtype(dtype or A.dtype)
         if isinstance(A, CoupledOperator):
@@ -133,14 +133,14 @@ class Waves:
     def _matrix(
         self, directions: str, *, is_scaled: bool = False
     ) -> tuple[ToeplitzOperator, float]:
-        """Return a matrix, over its diagonal if so wanted, and that."""
+        """Return a matrix, divided by its diagonal entry if `is_scaled`, and that entry."""
         is_even = directions[0] == directions[1]
         return self._operator(self._eigenvalues(directions), is_scaled=is_scaled, is_even=is_even)
 
     def _operator(
         self, eigenvalues: Array, *, is_scaled: bool, is_even: bool = True
     ) -> tuple[ToeplitzOperator, float]:
-        """Return the matrix of a circulant's eigenvalues, over its diagonal if wanted, and that."""
+        """Return the matrix from a circulant's eigenvalues, scaled on request, and its diagonal."""
         column = fourier.irfftn(eigenvalues, s=self._lengths)
         unit = float(column.flat[0])
         if is_scaled:
@@ -149,14 +149,14 @@ class Waves:
         product = DiagonalisedProduct(eigenvalues, self._lengths, self.shape)
         if is_even:
             coefficients = Coefficients(column[tuple(map(slice, self.shape))].copy(), is_even=True)
-        else:  # It is odd in x and in y. The transform has rounded what is to be symmetric.
+        else:  # It is odd in x and in y. Average out the rounding of the transform.
             lags = column[np.ix_(*(np.arange(1 - n, n) for n in self.shape))]
             coefficients = Coefficients(0.5 * (lags + np.flip(lags)), is_even=False)
         return ToeplitzOperator(coefficients, product=product), unit
 
     @property
     def _lengths(self) -> tuple[int, ...]:
-        """The elements of the circulants along each axis."""
+        """The length of the circulants along each axis."""
         if len(self.shape) == 1 or self.are_all:
             return self.shape
         return tuple(
@@ -165,7 +165,7 @@ class Waves:
         )
 
     def _eigenvalues(self, directions: str) -> Array:
-        """Return the eigenvalues of a circulant that has the matrix in it."""
+        """Return the eigenvalues of a circulant that embeds the matrix."""
         if self.are_all:
             return self._eigenvalues_of_all(directions)
         (n1, n2), (h1, h2) = (*self.shape, 1)[:2], self.element
@@ -182,7 +182,7 @@ class Waves:
         return eigenvalues if len(self.shape) == 2 else eigenvalues[: n1 // 2 + 1, 0]
 
     def _eigenvalues_of_all(self, directions: str) -> Array:
-        """Return the eigenvalues as where the surface repeats along all axes."""
+        """Return the eigenvalues for a surface that is periodic along all axes."""
         G, nu = self.material.G, self.material.nu
         return periodic_eigenvalues(self.shape, self.element, directions, G=G, nu=nu)
 
@@ -200,25 +200,25 @@ def periodic_eigenvalues(
     Parameters
     ----------
     shape : (int,) or (int, int)
-        Elements in a period. One axis is plane strain.
+        Number of elements in a period. One axis is plane strain.
     element : tuple of float
-        Their size, mm.
+        Element size, mm.
     directions : str
-        Of the displacement and of the traction: "zz" is normal, "xx", "xy" and "yy" are tangential.
+        Directions of displacement and traction: "zz" (normal), "xx", "xy" or "yy" (tangential).
     G, nu : float
-        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+        Shear modulus (N/mm²) and Poisson's ratio; for two materials those of `combined_material`.
 
     Returns
     -------
     ndarray of shape (n // 2 + 1,) or (n1, n2 // 2 + 1)
-        2/(E*|q|) = 2(1-ν)/(G|q|) of "zz", else 2/(G|q|) (δ_ij - ν q_i q_j/|q|²), mm per N/mm², at
-        the wavenumbers of `scipy.fft.rfftn`. It is zero at q = 0: a mean traction moves an infinite
-        half-space by any distance, so that displacements are those from their mean.
+        For "zz" 2/(E*|q|) = 2(1-ν)/(G|q|), otherwise 2/(G|q|) (δ_ij - ν q_i q_j/|q|²), mm per
+        N/mm², at the wavenumbers of `scipy.fft.rfftn`. It is zero at q = 0, because a mean traction
+        moves an infinite half-space by any distance: displacements are relative to their mean.
 
     Notes
     -----
-    The continuous symbol at the wavenumbers of the grid, as `tamaas` and `aspher` have it. The
-    highest wave of an even number of elements has no sign, and so does not couple x and y.
+    The continuous symbol at the wavenumbers of the grid, as in `tamaas` and `aspher`. For an even
+    number of elements the highest wave has no sign, and therefore does not couple x and y.
 
     References
     ----------
@@ -236,7 +236,7 @@ def periodic_eigenvalues(
         2.0 * np.pi * (rfftfreq if axis == last else fftfreq)(n, h)
         for axis, (n, h) in enumerate(zip(shape, element, strict=False))
     ]
-    waves = [*np.meshgrid(*along, indexing="ij", sparse=True), 0.0]  # Along y of one axis is none.
+    waves = [*np.meshgrid(*along, indexing="ij", sparse=True), 0.0]  # One axis has none along y.
     q = np.sqrt(sum(k**2 for k in waves))
     q.flat[0] = np.inf
     factor = np.array(1.0 - nu)
@@ -252,7 +252,7 @@ def periodic_eigenvalues(
 
 
 def strip_length(n: int) -> int:
-    """Return the elements of the circulant that n of them, from end to end, are embedded in."""
+    """Return the length of the circulant that embeds n elements of a finite axis."""
     return 2 * next_fast_len(n, real=True) if n > 1 else 1
 
 
@@ -266,38 +266,38 @@ def strip_eigenvalues(
     nu: float,
     reference: float,
 ) -> Array:
-    """Return the eigenvalues of the displacements on a surface that repeats along one axis.
+    """Return the eigenvalues of the displacements on a surface that is periodic along one axis.
 
     Parameters
     ----------
     shape : (int, int)
-        Elements in a period, and from end to end.
+        Number of elements along each axis, in a period or from end to end.
     element : (float, float)
-        Their size, mm.
+        Element size, mm.
     axis : int
-        The one that repeats, 0 or 1.
+        The periodic axis, 0 or 1.
     directions : str
-        Of the displacement and of the traction: "zz", "xx", "xy" or "yy".
+        Directions of displacement and traction: "zz", "xx", "xy" or "yy".
     G, nu : float
-        Shear modulus (N/mm²) and Poisson's ratio, for two materials of `combined_material`.
+        Shear modulus (N/mm²) and Poisson's ratio; for two materials those of `combined_material`.
     reference : float
-        The distance at which a line load along the axis moves nothing, mm. The displacements by
-        all images of an element have no finite sum, as those of plane strain have none: this
-        decides on the constant.
+        The distance at which a line load along the axis causes no displacement, mm. It fixes the
+        constant: the displacements by all images of an element have no finite sum.
 
     Returns
     -------
     ndarray
-        Those of a circulant whose leading block is the matrix, mm per N/mm²: the axis that ends is
-        embedded in one of `strip_length`. In the order of `scipy.fft.rfftn`.
+        The eigenvalues of a circulant with the matrix as leading block, mm per N/mm², in the order
+        of `scipy.fft.rfftn`. The finite axis is embedded in one of length `strip_length`.
 
     Notes
     -----
-    A wave of wavenumber q along the axis moves what lies at the distance t across it by 2/(πG)
-    times K₀ - ν q|t| K₁ along the axis, (1-ν) K₀ + ν q|t| K₁ across, (1-ν) K₀ normal to the
-    surface, and -iν q t K₀ from along to across (K₀, K₁ are the modified Bessel functions of q|t|):
-    the Fourier integrals across the axis of the symbol. They are integrated over the width of an
-    element, to rounding. The mean is that of plane strain, along the axis of antiplane shear.
+    A wave with the wavenumber q along the axis causes displacements at the distance t across it:
+    2/(πG) times K₀ - ν q|t| K₁ along the axis, (1-ν) K₀ + ν q|t| K₁ across, (1-ν) K₀ normal to the
+    surface, and -iν q t K₀ from along to across, with the modified Bessel functions K₀, K₁ of q|t|.
+    These are the Fourier integrals of the symbol across the axis. They are integrated over the
+    width of an element, to rounding. The mean is that of plane strain, or along the axis of
+    antiplane shear.
 
     Examples
     --------
@@ -308,7 +308,7 @@ def strip_eigenvalues(
     G, nu = check_constants(G, nu)
     other = 1 - axis
     n, h = shape[other], element[other]
-    # The waves of both signs are alike.
+    # Waves of both signs have the same eigenvalues.
     waves = 2.0 * np.pi * rfftfreq(shape[axis], element[axis])
     is_along = directions == 2 * "xy"[axis]
     is_odd = directions == "xy"
@@ -330,7 +330,7 @@ def strip_eigenvalues(
     if n > 1:
         embedded[:, 1 - n :] = (-1.0 if is_odd else 1.0) * embedded[:, n - 1 : 0 : -1]
     hat = fourier.rfft(embedded)
-    # Of what is odd the transform is imaginary, and the wave along the axis a factor i away.
+    # The transform of an odd function is imaginary, and the wave along the axis has a factor i.
     quarter = -hat.imag if is_odd else hat.real
     quarter = quarter if axis == 0 else quarter.T
     length = shape[0] if axis == 0 else embedded.shape[1]
@@ -344,24 +344,24 @@ def strip_eigenvalues(
 def integrate_bessel(
     width: Array, n: int, *, k0: float = 0.0, s_k1: float = 0.0, s_k0: float = 0.0
 ) -> Array:
-    """Return integrals over the elements of a line, the first of which is about zero.
+    """Return integrals over the elements of a line; the first element is centred at zero.
 
     Parameters
     ----------
     width : ndarray of shape (m,)
-        Widths w of an element, upwards.
+        Widths w of an element, ascending.
     n : int
-        Elements from w (j - ½) to w (j + ½), j = 0 … n - 1.
+        Number of elements, from w (j - ½) to w (j + ½), j = 0 … n - 1.
     k0, s_k1, s_k0 : float
         Weights of K₀(|s|), of |s| K₁(|s|) and of s K₀(|s|), which is odd.
 
     Returns
     -------
     ndarray of shape (m, n)
-        To rounding, relative to the largest integral of K₀ of the same width.
+        Accurate to rounding, relative to the largest integral of K₀ with the same width.
     """
     integrals = np.zeros((len(width), n))
-    if k0 or s_k1:  # The first element has two halves. Of the odd function they cancel.
+    if k0 or s_k1:  # The first element has two halves, which cancel for the odd function.
         half = 0.5 * width
         of_k0 = choose({0: 0.0, 1: 1.0}, half, _from_zero, half)
         # By parts, ∫ s K₁ ds = ∫ K₀ ds - s K₀.
@@ -381,7 +381,7 @@ def integrate_bessel(
 
 
 def _blocks(width: Array, n: int) -> Iterator[tuple[slice, slice]]:
-    """Cut widths and elements, up to where functions are nothing, into blocks of like exponents."""
+    """Yield blocks of widths and elements with similar exponents, without negligible ones."""
     start = 0
     while start < len(width):
         w = float(width[start])
@@ -398,13 +398,13 @@ def _blocks(width: Array, n: int) -> Iterator[tuple[slice, slice]]:
 
 
 def _nodes(a: float) -> tuple[Array, Array]:
-    """Return c and the weights of the trapezoidal rule, up to where exp(-a c) is nothing."""
+    """Return c and the weights of the trapezoidal rule, up to where exp(-a c) is negligible."""
     t = STEP * np.arange(int(acosh(max(FARTHEST / a, 1.0)) / STEP) + 2)
     return np.cosh(t), np.where(t == 0.0, 0.5 * STEP, STEP)
 
 
 def _from_zero(is_far: int, d: Array) -> Array:
-    """Return ∫ K₀ ds from 0 to d, which is at most 1, or is from there on."""
+    """Return ∫ K₀ ds from 0 to d, for d ≤ 1, or for d ≥ 1 if `is_far`."""
     if is_far:  # The integral to infinity is π/2.
         c, step = _nodes(1.0)
         return np.pi / 2.0 - np.exp(np.multiply.outer(-d, c)) @ (step / c)
@@ -413,7 +413,7 @@ def _from_zero(is_far: int, d: Array) -> Array:
 
 
 def _of_two(is_far: int, z: Array) -> Array:
-    """Return 1 - (1 + z) exp(-z), where z is at most 1, or is from there on."""
+    """Return 1 - (1 + z) exp(-z), for z ≤ 1, or for z ≥ 1 if `is_far`."""
     if is_far:
         return -np.expm1(-z) - z * np.exp(-z)
     return z * z * sum_series(G_SERIES, z, z)

@@ -1,4 +1,4 @@
-"""Integrals of a kernel over a rectangle at many points: by blocks, each from afar or from near."""
+"""Integrals of a kernel over a rectangle at many points, by blocks and by distance."""
 
 from collections.abc import Iterator
 from math import frexp, hypot, prod
@@ -17,9 +17,9 @@ from toeplitz_mg.halfspace.integrals import (
     sum_series,
 )
 
-SHARED = 2**17  # Points of a block that threads share: of fewer, they wait for the interpreter.
-FARTHEST = 2.0**500  # Units whose squares do not overflow.
-NEAR, BEYOND = -1, -2  # The rules that are no order of a series.
+SHARED = 2**17  # Points of a block shared by threads; with fewer they wait for the interpreter.
+FARTHEST = 2.0**500  # Distance, in units, up to which squares do not overflow.
+NEAR, BEYOND = -1, -2  # The rules besides the orders of a series.
 
 
 def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array:
@@ -28,7 +28,7 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
     Parameters
     ----------
     kernel : dict
-        The weights of its monomials, in x and y from the element of area to the point.
+        The weights of its monomials, with x and y from the element of area to the point.
     x, y : ndarray
         The points; they broadcast.
     h1, h2 : float
@@ -36,17 +36,16 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
     Returns
     -------
     ndarray of float64
-        To rounding, relative to each integral; that of x²/ρ³ by itself, to that of 1/ρ.
+        Accurate to rounding, relative to each integral; for x²/ρ³ alone, relative to that of 1/ρ.
 
     Notes
     -----
-    The series of a point is as long as its distance needs, whatever points there are beside it: so
-    the integrals at points that mirror each other are the same to the last bit, as a matrix that
-    is symmetric has them. Points too near for any series, on most grids a few, are computed by
-    themselves.
+    The length of the series depends only on the distance of a point, not on the other points. So
+    the integrals at mirrored points are bitwise equal, as a symmetric matrix requires. Points too
+    near for any series, on most grids a few, are computed separately.
     """
-    # A unit that is a power of two rounds nothing, and lengths in it have squares. The integral of
-    # a kernel of degree -1 is in proportion to it.
+    # Scaling by a power of two is exact, and avoids overflow of squares. The integral of a kernel
+    # of degree -1 is proportional to the unit.
     unit = 2.0 ** (frexp(hypot(h1, h2))[1] - 1)
     kernel = {monomial: weight * unit for monomial, weight in kernel.items()}
     h1, h2 = h1 / unit, h2 / unit
@@ -63,14 +62,14 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
             )
         if (
             rule == BEYOND
-        ):  # A kernel of degree -1 is so much less where all lengths are so much more.
+        ):  # A kernel of degree -1 is inversely proportional to a common factor of all lengths.
             x, y = x / FARTHEST, y / FARTHEST
             return _sum(kernel, P[:1], x, y, x * x + y * y) / FARTHEST
         return _sum(kernel, P[: rule + 1], x, y, r2)
 
     whole = np.broadcast_shapes(x.shape, y.shape)
     shape = whole or (1,)
-    # What is alike along an axis is not repeated along it.
+    # Arrays are not repeated along axes on which they are constant.
     x, y = (np.reshape(axis, (1,) * (len(shape) - axis.ndim) + axis.shape) for axis in (x, y))
     integral = np.empty(shape)
     most = SHARED if integral.size >= WORTH_THREADS else BLOCK
@@ -88,7 +87,7 @@ def integrate(kernel: Kernel, x: Array, y: Array, h1: float, h2: float) -> Array
 
 
 def _sum(kernel: Kernel, P: list[list[float]], x: Array, y: Array, r2: Array) -> Array:
-    """Return x^p y^q/ρ^(p+q+1) Σ_k ρ^(-2k) P_k(x²/ρ²), p and q of 0 and 1."""
+    """Return x^p y^q/ρ^(p+q+1) Σ_k ρ^(-2k) P_k(x²/ρ²) with p, q = 0 or 1."""
     e = np.divide(1.0, r2, out=r2)
     u = x * x * e
     value = sum_series(P, u, e)
@@ -105,14 +104,14 @@ def _sum(kernel: Kernel, P: list[list[float]], x: Array, y: Array, r2: Array) ->
 
 
 def _cut(axis: Array, block: tuple[slice, ...]) -> Array:
-    """Return a block of an array that may have one number along some axes."""
+    """Return a block of an array that may have length one along some axes."""
     return axis[
         tuple(part if n > 1 else slice(None) for n, part in zip(axis.shape, block, strict=True))
     ]
 
 
 def _blocks(part: list[slice], most: int) -> Iterator[tuple[slice, ...]]:
-    """Halve the longest axis of a part of an array, until it has few numbers."""
+    """Halve the longest axis of a part of an array until each part has at most `most` numbers."""
     lengths = [axis.stop - axis.start for axis in part]
     if prod(lengths) <= most:
         if prod(lengths) > 0:

@@ -1,8 +1,8 @@
 """Stresses in an elastic half-space by uniform tractions on an element, in closed form.
 
-By a pressure after Love (1929), by a tangential traction from Cerruti's potentials (Johnson,
-Contact Mechanics, §3.2). With V = ∬ 1/r and χ = ∬ ln(r + z) over the rectangle, indices for their
-derivatives, and r the distance to the loaded point, a unit pressure gives
+They follow Love (1929) for a pressure and Cerruti's potentials for a tangential traction (Johnson,
+Contact Mechanics, §3.2). Let V = ∬ 1/r and χ = ∬ ln(r + z) over the rectangle, with indices for
+their derivatives and r the distance to the loaded point. A unit pressure gives
 
     2π σ_xx = 2ν V_z - (1-2ν) χ_xx - z V_xx         2π σ_xy = -(1-2ν) χ_xy - z V_xy
     2π σ_zz = V_z - z V_zz                          2π σ_xz = -z V_xz
@@ -13,13 +13,13 @@ and a unit traction along x, with Ω = ∬ (z ln(r + z) - r),
     2π σ_yy = 2ν V_x + 2ν Ω_xyy - z χ_xyy           2π σ_yz = -z V_xy
     2π σ_zz = -z V_xz                               2π σ_xz = V_z - z V_xx.
 
-Each is a difference over the four corners. But for logarithms its terms are functions of the
-cosines (a, b, c) of the direction from a corner to the point: nothing overflows or is 0/0, at any
-depth and on any edge, and errors are some 1e-16 of the traction. In plane strain the corners are
-the two edges of a strip.
+Each is a difference over the four corners. Except for logarithms its terms are functions of the
+cosines (a, b, c) of the direction from a corner to the point. So nothing overflows or becomes 0/0,
+at any depth and on any edge, and errors are some 1e-16 of the traction. In plane strain the corners
+are the two edges of a strip.
 
-z is the depth in the body, and the traction what acts on it. Tension is positive, and the
-components are in the order xx, yy, zz, yz, xz, xy.
+z is the depth in the body; the traction acts on the body. Tension is positive. The components are
+in the order xx, yy, zz, yz, xz, xy.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,7 +35,7 @@ from toeplitz_mg.halfspace.matrices import operator_of
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.values import fields, positive
 
-SIDES = np.array([-0.5, 0.5])  # Where the sides of an element are, over its size.
+SIDES = np.array([-0.5, 0.5])  # Positions of the sides of an element, divided by its size.
 # Whether the components xx, yy, zz, yz, xz, xy by a pressure are even (1) or odd (-1) in x and y.
 PARITIES = ((1, 1), (1, 1), (1, 1), (1, -1), (-1, 1), (-1, -1))
 
@@ -194,7 +194,7 @@ def line_stresses_y(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
 
     Examples
     --------
-    At the surface what acts on it: on an edge the mean of both sides.
+    At the surface the stress is the traction; on an edge it is the mean of both sides.
 
     >>> from toeplitz_mg import halfspace
     >>> print(halfspace.line_stresses_y([0.0, 0.5], 0.0, 1.0, nu=0.3)[3])
@@ -204,7 +204,7 @@ def line_stresses_y(x: ArrayLike, z: ArrayLike, h: float, *, nu: float) -> Array
 
 
 def _at(direction: str, element: Any, nu: float, **points: ArrayLike) -> Array:
-    """Return the stresses at points by a unit traction on an element, or a strip of this width."""
+    """Return the stresses at points by a unit traction on an element, or on a strip of width h."""
     nu = check_ratio(nu)
     sizes = check_element(element) if len(points) == 3 else (positive("h", element),)
     *arrays, z = fields(**points)
@@ -212,8 +212,8 @@ def _at(direction: str, element: Any, nu: float, **points: ArrayLike) -> Array:
         if not np.isfinite(array).all():
             raise ValueError(f"{name} has values that are not finite")
     if (z < 0.0).any():
-        raise ValueError(f"z has the value {z.min():g}, but a depth is at least zero")
-    # From the lines that bound the element to the points, on more axes.
+        raise ValueError(f"z has the value {z.min():g}, but a depth must be at least zero")
+    # Coordinates relative to the lines that bound the element, on additional axes.
     more: tuple[Any, ...] = (..., *(None,) * len(sizes))
     lines = [
         x[more] + h * SIDES.reshape(-1, *(1,) * (len(sizes) - 1 - k))
@@ -229,24 +229,24 @@ def _at(direction: str, element: Any, nu: float, **points: ArrayLike) -> Array:
 def stress_matrices(
     direction: str, shape: tuple[int, ...], element: tuple[float, ...], depth: float, *, nu: float
 ) -> Iterator[ToeplitzOperator | None]:
-    """Yield the matrices of the six components of stress, by tractions in one direction.
+    """Yield the matrices of the six stress components by tractions in one direction.
 
     Parameters
     ----------
     direction : str
-        Of the tractions: x, y, or z for pressures.
+        Direction of the tractions: x, y, or z for pressures.
     shape : (int, int) or (int,)
     element : (float, float) or (float,)
-        One size is that of strips of infinite length.
+        One size stands for strips of infinite length.
     depth : float
-        Below the surface.
+        The depth below the surface.
     nu : float
         Poisson's ratio of the body.
 
     Yields
     ------
     ToeplitzOperator or None
-        For xx, yy, zz, yz, xz and xy at the depth below the centres; None for what is zero.
+        For xx, yy, zz, yz, xz and xy at the depth below the centres; None for zero components.
     """
     lines = [h * (np.arange(n + 1) - 0.5) for n, h in zip((*shape, 1), element, strict=False)]
     if len(lines) == 2:
@@ -268,7 +268,7 @@ def between(direction: str, lines: Sequence[Array], z: Array, nu: float) -> Arra
     direction : str
         x, y, or z for a pressure.
     lines : list of ndarray, of shape (..., m + 1, 1) and (..., 1, n + 1), or (..., m + 1)
-        From the lines that bound the rectangles across x, and across y, to the point.
+        Coordinates of the point relative to the lines that bound the rectangles, across x and y.
     z : ndarray of shape (..., 1, 1) or (..., 1), or a number
         The depth.
     nu : float
@@ -367,39 +367,39 @@ def _directions_in_plane(X: Array, z: Array) -> tuple[Array, Array, Array]:
 
 
 def _turn(a: Array, c: Array) -> tuple[Array, Array]:
-    """Return a and c over their hypotenuse; zero where both are."""
+    """Return a and c divided by their hypotenuse; zero if both are zero."""
     _, s, c = _directions_in_plane(a, c)
     return s, c
 
 
 def _angles(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
-    """Return the terms of χ_xx and χ_yy; their sum is that of -V_z.
+    """Return the terms of χ_xx and χ_yy; their sum gives -V_z.
 
-    The first is atan(Y/X) - atan(z Y/(X r)), here without the jump where X is zero.
+    The first is atan(Y/X) - atan(z Y/(X r)), written without its jump at X = 0.
     """
     product = a * b * ((a * a + b * b) / (1.0 + c))
     return np.arctan2(product, a * a + c * b * b), np.arctan2(product, b * b + c * a * a)
 
 
 def _log_over_corners(X: Array, Y: Array, z: Array, r: Array) -> Array:
-    """Return the difference over the corners of ln(r + Y), which is asinh(Y/√(X² + z²)).
+    """Return the difference over the corners of ln(r + Y), or asinh(Y/√(X² + z²)).
 
-    In that form one logarithm depends on X alone, and is left out where Y has one sign, so that it
-    is not subtracted from itself, which may be infinite: there the stress is finite.
+    One of the two logarithms of the asinh depends only on X. It cancels if Y does not change its
+    sign, and is left out then, because it may be infinite while the stress is finite.
     """
     sign = np.sign(Y)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # In a corner at the surface the sign is zero, and so is the term.
+        # In a corner at the surface the sign and the term are zero.
         log = sign * np.log(np.where(sign == 0.0, 1.0, r + np.abs(Y)))
         across = _step(np.log(np.hypot(X, z))) * _step(sign)
     return _over_corners(log) - np.where(_step(sign) == 0.0, 0.0, across)
 
 
 def _over_corners(F: Array) -> Array:
-    """Return the difference of the differences along the last two axes."""
+    """Return the difference along the last axis of the difference along the axis before it."""
     return np.diff(np.diff(F, axis=-1), axis=-2)
 
 
 def _step(F: Array) -> Array:
-    """Return the difference along that of the last two axes that has more than one number."""
+    """Return the difference along the one of the last two axes that is longer than one."""
     return np.diff(F, axis=-1 if F.shape[-1] > 1 else -2)

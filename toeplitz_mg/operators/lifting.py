@@ -317,7 +317,7 @@ def _advise_of_indefinite(A: Any) -> str:
     if len(A.grid_shape) == 1:
         solver = f"solve_toeplitz(A.c, b), or {solver}"
     return (
-        "; A is not positive definite, because a coefficient beside the diagonal is as large: use "
+        "; A is not positive definite (a coefficient beside the diagonal is as large): use "
         f"{solver}"
     )
 

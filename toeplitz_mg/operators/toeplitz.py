@@ -324,8 +324,8 @@ class ToeplitzOperator(MatrixOperator):
         if isinstance(other, GridOperator) and other.library is not self.library:
             raise TypeError(
                 f"A has arrays of {self.library.name} ({self.library.device}), and the other "
-                f"summand those of {other.library.name} ({other.library.device}), but both must have "
-                "arrays of one library on one device"
+                f"summand those of {other.library.name} ({other.library.device}), but both must "
+                "have arrays of one library on one device"
             )
         if isinstance(other, ToeplitzSum):
             return other.plus(self)

@@ -1,1 +1,1 @@
-"""The problems of the paper, and the numbers that it prints."""
+"""The test problems of the paper, and its published numbers."""

@@ -1,8 +1,8 @@
-"""The paper in one file: its method in its letters and its order, in plain NumPy.
+"""The method of the paper in one file, with its letters and in its order, in plain NumPy.
 
 J. Zhao, E. A. H. Vollebregt, C. W. Oosterlee, "Multigrid with FFT smoother for a simplified 2D
 frictional contact problem". Numbers in brackets are its equations and sections. Nothing is checked
-here, and nothing is fast: the operators of the package are both, and are tested against this file.
+here, and nothing is fast; the operators of the package do both, and are tested against this file.
 
 >>> from toeplitz_mg.paper import algorithm
 >>> A, u = algorithm.system(1, 2**15)  # Table IV, V(1,0): 6 (0.0430)
@@ -20,8 +20,8 @@ from numpy.fft import fft, ifft, irfft, rfft
 
 from toeplitz_mg._typing import Array
 
-Matrix = Any  # What multiplies by `@`: a `Toeplitz`, or an array.
-Smoother = Callable[[Array], Array]  # From a residual to a correction, as from r to M r (12).
+Matrix = Any  # An object with `@`: a `Toeplitz`, or an array.
+Smoother = Callable[[Array], Array]  # Maps a residual to a correction, such as r to M r (12).
 
 
 def influence_coefficients(n: int, G: float, nu: float, a: float = 4.0, b: float = 50.0) -> Array:
@@ -36,14 +36,14 @@ def influence_coefficients(n: int, G: float, nu: float, a: float = 4.0, b: float
 
 
 def spread(x: Array, contact: Array) -> Array:
-    """Return x on the potential contact area, zero where there is no contact (5.4)."""
+    """Return x on the potential contact area, with zeros where there is no contact (5.4)."""
     everywhere = np.zeros((len(contact), *x.shape[1:]))
     everywhere[contact] = x
     return everywhere
 
 
 class Toeplitz:
-    """The matrix t_|i-j| (7), or its rows and columns of the elements in contact (5.4)."""
+    """The matrix t_|i-j| (7), or its rows and columns for the elements in contact (5.4)."""
 
     def __init__(self, t: Array, contact: Array) -> None:
         self.t, self.contact = t, contact
@@ -66,7 +66,7 @@ def column_of_inverse(a: Array, K: int) -> Array:
 
 
 def approximate_inverse(A: Toeplitz) -> Toeplitz:
-    """Return M, whose m_0 … m_(n-1) are those of m^K from its Kth on, K = n/2 (3.1)."""
+    """Return M with the coefficients m_0 … m_(n-1) of m^K from its Kth on, K = n/2 (3.1)."""
     n = len(A.t)
     K = n // 2
     return Toeplitz(column_of_inverse(A.t, K)[K - 1 :][:n], A.contact)
@@ -115,7 +115,7 @@ def modify_row_sums(M: Matrix, sums: Array, gamma: float) -> Smoother:
 
 
 def fft_rsm(A: Toeplitz, M: Toeplitz) -> Smoother:
-    """Return the FFT + RSM smoother (4.2): γ by all of M, the sums by what is in contact (22)."""
+    """Return the FFT + RSM smoother (4.2): γ from all of M, sums over the contact only (22)."""
     ones = np.ones(len(M.t))
     gamma = (Toeplitz(M.t, ones > 0.0) @ ones).min()  # (20)
     return modify_row_sums(M, M @ ones[M.contact], gamma)
@@ -140,7 +140,7 @@ def grids(
 
 def solve(A: Matrix, u: Array, step: Smoother, p: Array | None = None) -> tuple[Array, int, float]:
     """Return p, the iterations k and the convergence factor q, to ‖u - A p‖/‖u‖ ≤ 1e-8 (5)."""
-    p = np.random.default_rng(0).random(len(u)) if p is None else p  # The guess is random there.
+    p = np.random.default_rng(0).random(len(u)) if p is None else p  # As in the paper.
     r = first = u - A @ p
     k = 0
     while np.linalg.norm(r) > 1e-8 * np.linalg.norm(u) and k < 100:

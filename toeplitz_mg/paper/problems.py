@@ -98,7 +98,7 @@ def test1(n: int) -> Problem:
 
 
 def test2(n: int) -> Problem:
-    """Return test 2: rubber, a shift of x, by spin (paper, §5).
+    """Return test 2: rubber, a shift equal to x, by spin (paper, §5).
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def test3(n: int) -> Problem:
     Returns
     -------
     Problem
-        In contact are the elements with their centre in (-4, -2) or (0, 4).
+        The elements with their centre in (-4, -2) or (0, 4) are in contact.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def test3(n: int) -> Problem:
     return Problem("test 3", A, np.full(A.shape[0], 0.0008), x[mask], h, STEEL)
 
 
-TESTS = {1: test1, 2: test2, 3: test3}  # The problems by the numbers that the paper gives them.
+TESTS = {1: test1, 2: test2, 3: test3}  # The problems by their numbers in the paper.
 
 
 def _centres(n: int) -> tuple[Array, float]:

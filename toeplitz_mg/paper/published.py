@@ -10,7 +10,7 @@ class Published(NamedTuple):
     factor: float
 
 
-Column = dict[int, Published]  # A cell by the binary logarithm of n.
+Column = dict[int, Published]  # The key is the binary logarithm of n.
 
 # Table I: spectral radii of the multigrid operators with the plain FFT smoother; coarsest 2 x 1.
 SPECTRAL_RADII: dict[str, dict[int, float]] = {

@@ -1,4 +1,4 @@
-"""Grids cut into slabs of rows, one for each rank of MPI: the package's names for a cluster."""
+"""Grids cut into slabs of rows, one for each MPI rank: the package's names for a cluster."""
 
 from toeplitz_mg.slabs.contact import friction, normal_contact, rolling, rolling_steps
 from toeplitz_mg.slabs.coupled import CoupledOperator

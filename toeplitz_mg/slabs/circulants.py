@@ -1,4 +1,4 @@
-"""Transforms of fields for inverses of causal matrices: ranks have some of the frequencies each."""
+"""Transforms of fields for inverses of causal matrices; each rank has some of the frequencies."""
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -14,7 +14,7 @@ from toeplitz_mg.slabs.slab import Slab
 
 
 class SlabTransform(FieldTransform):
-    """Those of fields of two axes, of which a rank has rows, and frequencies of the last axis."""
+    """Transforms of fields of two axes, distributed by rows and by frequencies of the last axis."""
 
     def __init__(self, slab: Slab, dtype: DTypeLike) -> None:
         super().__init__(slab.shape, dtype)
@@ -26,7 +26,7 @@ class SlabTransform(FieldTransform):
         return SlabTransform(self._slab, np.float64)
 
     def halves(self, K: ToeplitzOperator) -> tuple[Array, Array]:
-        """Return this rank's coefficients of both signs of the lags along the first axis."""
+        """Return this rank's coefficients of the lags of both signs along the first axis."""
         ahead, back = (
             np.concatenate(split(NUMPY, half, 1, K.parity[1])[::-1], axis=1)
             for half in (K.c, K.opposite)

@@ -1,7 +1,7 @@
-"""Contact on the rows of each rank: the searches of `toeplitz_mg.contact`, on a grid in slabs.
+"""Contact problems with a grid in slabs: `toeplitz_mg.contact` on the rows of each rank.
 
-The searches are those functions' own, and so are their arguments; a coarser grid, or a window, of
-few elements is solved by every rank alone.
+The algorithms and arguments are those of `toeplitz_mg.contact`. Every rank solves small coarse
+grids and windows on its own.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ from toeplitz_mg.slabs.messages import SharedProgress
 from toeplitz_mg.slabs.slab import Slab, require_slab
 from toeplitz_mg.values import field
 
-# The arguments of the functions of `contact` that are taken on slabs.
+# The arguments of the functions of `contact` that are supported on slabs.
 SEARCH = ("tolerance", "nested", "max_products", "progress")
 MOTION = ("longitudinal", "lateral", "spin", "force", "slip", "pole")
 DOC = """{summary}, on slabs (see `contact.{name}`).
@@ -32,24 +32,24 @@ Parameters
 pressed : NormalResult
     The bodies that are pressed together, a result of `normal_contact` on these rows.
 slab : Slab
-    Of a grid of two axes.
+    The slab of a grid of two axes.
 mu, bound
-    The coefficient of friction, with `pressed`; or in the place of both this rank's rows of the
+    The coefficient of friction, with `pressed`; or, instead of both, this rank's rows of the
     traction bound, of shape `slab.local`, N/mm².
 element, material
-    Those of a traction bound.
+    Needed with `bound`.
 **arguments
-    Those of `contact.{name}`, the same on all ranks, but `progress`: {taken}.
+    As for `contact.{name}`: {taken}. All but `progress` must be the same on all ranks.
     A `previous` result, and each component of a field, has this rank's rows.
 
 Returns
 -------
 TangentialResult, or RollingSteps
-    As that of `normal_contact`. Of several steps all ranks have to take the same number.
+    With this rank's rows, as for `normal_contact`. All ranks must take the same number of steps.
 
 See Also
 --------
-toeplitz_mg.contact.{name} : on one machine. What it raises on one rank it does on all.
+toeplitz_mg.contact.{name} : the function for one process. Errors of one rank are raised on all.
 """
 
 
@@ -103,7 +103,7 @@ def _on_rows(
     material: Any,
     given: dict[str, Any],
 ) -> Any:
-    """Call a function of `contact` with a grid in slabs; what it cannot take all ranks refuse."""
+    """Call a function of `contact` with a grid in slabs; all ranks refuse unsupported arguments."""
     require_slab(slab)
     progress = given.get("progress")
     with slab.agree() as same:
@@ -119,7 +119,7 @@ def _on_rows(
             rows, element, material = _read_bound(pressed, bound, mu, element, material)
             name = "bound"
         if len(slab.shape) != 2:
-            raise ValueError(f"the grid is {slab.shape}, but contact on slabs has two axes")
+            raise ValueError(f"the grid is {slab.shape}, but contact on slabs must have two axes")
         if rows.shape != slab.local:
             raise ValueError(
                 f"{name} has shape {rows.shape}, but this rank's rows have {slab.local}"
@@ -131,7 +131,7 @@ def _on_rows(
     if not any(slab.gather(progress is not None)):
         return solve(**given)
     shared = SharedProgress(slab, progress)
-    if progress is None or callable(progress):  # What is no function is refused below.
+    if progress is None or callable(progress):  # Other objects are refused below.
         given = {**given, "progress": shared}
     with shared.heard():
         found = solve(**given)
@@ -141,7 +141,7 @@ def _on_rows(
 
 
 def _hear(results: Iterator[Any], shared: SharedProgress) -> Iterator[Any]:
-    """Yield results one after the other, each when all ranks have it."""
+    """Yield results one after the other, each as soon as all ranks have it."""
     while True:
         with shared.heard():
             result = next(results, None)
@@ -161,7 +161,7 @@ def _read_bound(
 
 
 def _with_friction(function: Callable[..., Any], *names: str) -> Callable[..., Any]:
-    """Return a function of `contact` for pressed bodies, with these arguments, on slabs."""
+    """Return the version on slabs of a function of `contact` that takes these arguments."""
 
     def on_slabs(
         pressed: NormalResult | None = None,

@@ -1,4 +1,4 @@
-"""Toeplitz matrices between the components of a field on slabs."""
+"""Toeplitz matrices that couple the components of a field on slabs."""
 
 from collections.abc import Sequence
 from math import prod
@@ -37,7 +37,7 @@ class CoupledOperator(SlabOperator):
         if slab is None:
             raise TypeError(
                 f"blocks is {blocks!r}, but must have rows of ToeplitzOperator of "
-                "toeplitz_mg.slabs, or None, as [[xx, xy], [xy, yy]]"
+                "toeplitz_mg.slabs, or None, such as [[xx, xy], [xy, yy]]"
             )
         with slab.agree() as same:
             rows = read_blocks(blocks, _check_block)
@@ -46,7 +46,7 @@ class CoupledOperator(SlabOperator):
             same["the dtypes of the blocks"] = [block.dtype.name for block in given]
             same["which blocks are one operator"] = [given.index(block) for block in given]
         dtype = np.result_type(*(block.dtype for block in given))
-        # Preconditioners of a block are those of its own precision.
+        # The preconditioner of a block has the precision of the block.
         cast_rows = [[block and block.astype(dtype) for block in row] for row in rows]
         cast_rows, self.is_symmetric = symmetrise(cast_rows, dtype, Transposes())
         self.blocks = tuple(map(tuple, cast_rows))
@@ -61,7 +61,7 @@ class CoupledOperator(SlabOperator):
         )
 
     def check_symmetric(self) -> None:
-        """Raise ValueError where it is not symmetric, or a component has no block on itself."""
+        """Raise a ValueError if it is not symmetric, or a diagonal block is zero."""
         for i, row in enumerate(self.blocks):
             if row[i] is None:
                 raise ValueError(f"the block of component {i} on itself is zero")
@@ -78,7 +78,7 @@ class CoupledOperator(SlabOperator):
 
 
 def _find_slab(blocks: Any) -> Slab | None:
-    """Return the slab of some block, on which ranks may agree about the others."""
+    """Return the slab of some block, which lets the ranks agree about the other blocks."""
     if isinstance(blocks, ToeplitzOperator):
         return blocks.slab
     parts = blocks if isinstance(blocks, Sequence) and not isinstance(blocks, str) else ()
@@ -98,10 +98,10 @@ def _check_block(name: str, block: Any, first: Any) -> None:
 
 
 class Transposes(coupled.Transposes):
-    """What blocks have in common with the transposes of those opposite, on all ranks."""
+    """Compares blocks (i, j) with the transposes of the blocks (j, i), on all ranks."""
 
     def difference(self, block: ToeplitzOperator, other: ToeplitzOperator) -> float:
-        """Return the largest difference of a block and the transpose of another."""
+        """Return the largest difference between a block and the transpose of another."""
         is_alike = block.parity[1:] == other.parity[1:]
         return super().difference(block, other) if is_alike else np.inf
 
@@ -119,7 +119,7 @@ class Transposes(coupled.Transposes):
         means = []
         for c, opposite in (lags, lags[::-1]):
             behind = prod(signs) * opposite
-            # Where a mean is even or odd along the first axis, as blocks mostly are, it is known.
+            # Find out whether a mean is even or odd along the first axis, as most blocks are.
             sign = next((k for k in (1, -1) if not block.slab.vectors.count(behind != k * c)), 0)
             other = None if sign else make(behind)
             parity = (sign or 1, *signs)

@@ -1,4 +1,4 @@
-"""The FFT preconditioner M on slabs: the symbol is inverted, and transformed back."""
+"""The FFT preconditioner M on slabs: invert the symbol and transform it back."""
 
 from collections.abc import Sequence
 from math import prod
@@ -24,7 +24,7 @@ def _invert_coupled(A: CoupledOperator, dtype: np.dtype[Any]) -> CoupledOperator
 
 
 def _invert_toeplitz(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
-    """Return M of one component: the inverse of a circulant, cut to the grid."""
+    """Return M for one component: the inverse of a circulant, cut to the grid."""
     grid = _grid_of(A)
     is_longer = is_continued(grid)
     lengths = [2 * near_fast_length(n) if is_longer else 2 * n - 1 for n in grid]
@@ -33,7 +33,7 @@ def _invert_toeplitz(A: ToeplitzOperator, dtype: np.dtype[Any]) -> SlabOperator:
 
 
 def _grid_of(A: Any) -> tuple[int, ...]:
-    """Return the shape of the whole grid, of a line without axes of one element."""
+    """Return the shape of the whole grid, for a line without axes of one element."""
     shape: tuple[int, ...] = A.slab.shape
     return (prod(shape),) if A.slab.is_line else shape
 
@@ -46,12 +46,12 @@ def _invert(
     subject: str,
     is_longer: bool = False,
 ) -> list[list[Any]]:
-    """Return blocks of the inverse of the circulant of these lengths that embeds `A`.
+    """Return blocks of the inverse of the circulant with these lengths that embeds `A`.
 
     Parameters
     ----------
     signs : sequence of tuple of {1, -1}
-        Those of the components, by which the blocks are even or odd along each axis.
+        The signs of the components; their products are the parities of the blocks.
     """
     slab = A.slab
     symbols = (LineSymbol if slab.is_line else GridSymbol)(slab, lengths)
@@ -68,7 +68,7 @@ def _invert(
         c = symbols.lags(symbol, parity).astype(dtype)
         for axis in (axis for axis, sign in enumerate(parity) if sign < 0):
             if axis or slab.rows.start == 0:
-                np.moveaxis(c, axis, 0)[0] = 0.0  # But for rounding it is.
+                np.moveaxis(c, axis, 0)[0] = 0.0  # Remove the rounding error.
         return c
 
     def make(c: Array, i: int, j: int) -> tuple[ToeplitzOperator, ToeplitzOperator]:
@@ -85,9 +85,9 @@ def _invert(
 
 
 def _signs(A: CoupledOperator) -> list[Parity]:
-    """Return signs of the components, of which the products are the parities of the blocks.
+    """Return signs of the components whose products are the parities of the blocks.
 
-    Then the blocks of the inverse have these parities.
+    The blocks of the inverse have the same parities.
     """
     axes = len(A.slab.shape)
     signs: list[Parity] = [(1,) * axes for _ in A.blocks]
@@ -100,9 +100,9 @@ def _signs(A: CoupledOperator) -> list[Parity]:
             parity = tuple(a * b for a, b in zip(signs[i], signs[j], strict=True))
             if block is not None and (block.behind is not None or block.parity != parity):
                 raise ValueError(
-                    f"the block ({i}, {j}) of A is {block!r} of parity {block.parity}, but for M "
-                    "the blocks must be even or odd along each axis, as products of signs of "
-                    "their components: use cosine_preconditioner(A) or fsai_preconditioner(A)"
+                    f"the block ({i}, {j}) of A is {block!r} of parity {block.parity}, but "
+                    "must be even or odd along each axis, as the product of signs of its two "
+                    "components: use cosine_preconditioner(A) or fsai_preconditioner(A)"
                 )
     return signs
 

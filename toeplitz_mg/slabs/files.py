@@ -1,4 +1,4 @@
-"""Files that all ranks write together: whole or not at all."""
+"""Files that all ranks write together, completely or not at all."""
 
 import os
 import stat
@@ -35,7 +35,7 @@ def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
         The same on all ranks. An old file is replaced when all ranks have written; its permissions
         are kept, and a link stays a link. Read it by ``np.load(path, mmap_mode="r")[slab.rows]``.
     x : array_like of shape ``slab.local``, or (components, ...) of that
-        Of numbers.
+        Numbers.
     """
     with slab.agree() as same:
         path = Path(path)
@@ -68,7 +68,7 @@ def save_rows(slab: Any, path: str | os.PathLike[str], x: Any) -> None:
 
 @contextmanager
 def _together(slab: Any, path: Path) -> Iterator[None]:
-    """Let all ranks raise an OSError of one, with the name of the file."""
+    """If an OSError occurs on one rank, raise it on all, with the name of the file."""
     with slab.agree():
         try:
             yield
@@ -77,7 +77,7 @@ def _together(slab: Any, path: Path) -> Iterator[None]:
 
 
 def _check(path: Path, x: Array, slab: Any) -> None:
-    """Refuse what is no field on this rank's rows, or could not be written."""
+    """Refuse an array that is not a field on this rank's rows, or cannot be written."""
     if x.dtype.kind not in "buifc":
         raise TypeError(f"x has dtype {x.dtype}, but must be of numbers")
     if x.shape[-len(slab.local) :] != slab.local:
@@ -90,7 +90,7 @@ def _check(path: Path, x: Array, slab: Any) -> None:
 
 
 def _write(part: Path, start: int, X: Array, slab: Any) -> None:
-    """Write this rank's rows of each component where they belong."""
+    """Write this rank's rows of each component to their place in the file."""
     row = prod(slab.shape[1:]) * X.itemsize
     with open(part, "r+b") as file:
         for k, x in enumerate(X):

@@ -27,23 +27,23 @@ from toeplitz_mg.slabs.operators import SlabOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.structure import unwrap
 
-Blocks = Sequence[Sequence[Any]]  # Of ToeplitzOperator or None.
+Blocks = Sequence[Sequence[Any]]  # ToeplitzOperator or None.
 
 INSTEAD = (
-    "take cosine_preconditioner(A), on a mask sine_preconditioner(A), and where these are refused "
-    "use fft_preconditioner(A), or cg without M"
+    "use cosine_preconditioner(A), on a mask sine_preconditioner(A), and if these are refused "
+    "fft_preconditioner(A), or cg without M"
 )
-OTHERS = "fft, cosine and sine of toeplitz_mg.slabs"  # Those that take arrays of any library.
-REPEATED = 1 / 64  # Most cells of a level that all ranks have, together, over those of the grid.
+OTHERS = "fft, cosine and sine of toeplitz_mg.slabs"  # They support arrays of any library.
+REPEATED = 1 / 64  # Most cells of a level built on every rank, in total, relative to the grid.
 
 
 class SlabSparseInverse(SlabOperator):
-    """P = Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G ≈ A⁻¹ on slabs, of `fsai_preconditioner`.
+    """P = Gᵀ (I - W Wᵀ + W E⁻¹ Wᵀ) G ≈ A⁻¹ on slabs, returned by `fsai_preconditioner`.
 
     Attributes
     ----------
     sizes : tuple of tuples of int
-        The number of unknowns of all ranks on each level, of all components together or of each.
+        The number of unknowns on each level, on all ranks, for all components or for each.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ def fsai_preconditioner(
 
 
 def _require_symmetric(full: SlabOperator, blocks: Blocks) -> None:
-    """Raise ValueError where a matrix is not symmetric, or a component not along each axis."""
+    """Raise a ValueError unless A is symmetric and its diagonal blocks are even in each axis."""
     if sum(n > 1 for n in full.slab.shape) > 2:
         raise ValueError(
             f"A lives on the grid {full.slab.shape}, but must have one axis or two: use "
@@ -141,14 +141,14 @@ def _require_symmetric(full: SlabOperator, blocks: Blocks) -> None:
 
 
 def _kernel(A: ToeplitzOperator) -> Array:
-    """Return this rank's rows of the coefficients, in two axes, of the one component."""
+    """Return this rank's rows of the coefficients of one component, in two axes."""
     return A.c.reshape(1, 1, *_rows(A.slab)[1]).astype(np.float64, copy=False)
 
 
 def _rows(slab: Slab) -> tuple[Array, tuple[int, int]]:
-    """Return the first row of each rank, and this rank's shape, on a grid of two axes.
+    """Return the first row of each rank, and this rank's shape, as a grid of two axes.
 
-    An axis of one element does not count; of a first one this rank, alone, has all.
+    Axes of one element do not count. If the first axis has one element, this rank has everything.
     """
     n1, *others = slab.shape
     n2 = prod(others)
@@ -159,7 +159,7 @@ def _rows(slab: Slab) -> tuple[Array, tuple[int, int]]:
 
 
 def _joint(blocks: Blocks, mask: Array) -> SlabMatrix | None:
-    """Return the matrix of two components together, where they are strongly coupled."""
+    """Return the matrix of two components together if they are strongly coupled, else None."""
     if len(blocks) != 2 or mask.ndim != 3:
         return None
     (x, xy), (_, y) = blocks
@@ -177,7 +177,7 @@ def _joint(blocks: Blocks, mask: Array) -> SlabMatrix | None:
 
 
 def _alone(blocks: Blocks, mask: Array, options: Options) -> list[tuple[SlabMatrix, Options]]:
-    """Return the matrix of each component that has unknowns, by itself, and its options."""
+    """Return the matrix of each component that has unknowns, and its options."""
     matrices = []
     for i, row in enumerate(blocks):
         A, own = row[i], mask[i]

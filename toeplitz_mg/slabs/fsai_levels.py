@@ -1,13 +1,13 @@
-"""The multilevel sparse approximate inverse on slabs: rows of G see cells above, aggregates none.
+"""The multilevel sparse approximate inverse on slabs.
 
-Each rank builds the rows of G and W of its unknowns by the functions of the serial package, from
-the coefficients that are near, and from the unknowns in its rows and as many above as a row of G
-reaches. Nothing else of the neighbours is needed, as an aggregate is of one rank: on each level the
-cuts between ranks are rounded to whole aggregates, which moves some rows at most. So an application
-exchanges a few rows a rank and level, each way, and no transform is made of anything.
+Each rank builds the rows of G and W for its unknowns with the functions of the serial package. It
+needs the near coefficients, the unknowns in its rows, and those in as many rows above as a row of G
+reaches. Nothing else is needed, because each aggregate belongs to one rank: on each level the cuts
+between ranks are rounded to whole aggregates, which moves only a few rows. So an application
+exchanges a few rows per rank and level in each direction, and needs no transforms.
 
-The aggregates are the next level, cut as the ranks have them. Their number is divided by 16 with
-each level: soon all ranks can have all of them, and do the same with them.
+The aggregates are the next level, with the same cuts. Each level has 16 times fewer unknowns, so
+soon all ranks can store a whole level and apply it identically.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,13 +26,13 @@ from toeplitz_mg.preconditioners.fsai.stencil import Stencil
 from toeplitz_mg.slabs.intervals import Intervals, of_rows
 from toeplitz_mg.slabs.slab import Slab
 
-NEAR = 256  # Lags along each axis of the coefficients that a stencil with 100 neighbours sees.
-TRIAL = 2**14  # Cells of the largest grid on which it is tried how many neighbours are enough.
+NEAR = 256  # Near lags along each axis: enough for a stencil with 100 neighbours.
+TRIAL = 2**14  # Cells of the largest grid on which the number of neighbours is tried.
 
 
 @dataclass(frozen=True)
 class SlabMatrix:
-    """What a rank has of the matrix of a level.
+    """A rank's part of the matrix of a level.
 
     Attributes
     ----------
@@ -40,11 +40,11 @@ class SlabMatrix:
     starts : ndarray of int, shape (P + 1,)
         The first row of each rank, and the number of rows.
     stencil : Stencil
-        Of the coefficients that are near.
+        The stencil of the near coefficients.
     kernel : ndarray of shape (d, d, rows, n2)
         This rank's rows of the coefficients.
     c, d : ndarray of shape (d, rows, n2)
-        The weights and the diagonal of the cells in them; of A itself a mask, and None.
+        The weights and the diagonal of the cells in these rows; for A itself a mask and None.
     """
 
     slab: Slab
@@ -55,12 +55,12 @@ class SlabMatrix:
     d: Array | None = None
 
     def count_unknowns(self) -> Array:
-        """Return the number of unknowns in each component above each row, shape (d, n1 + 1)."""
+        """Return the number of unknowns above each row in each component, shape (d, n1 + 1)."""
         counts = self.slab.everywhere(np.count_nonzero(self.c, axis=2).T, np.diff(self.starts))
         return np.pad(np.cumsum(counts, axis=0), ((1, 0), (0, 0))).T
 
     def on_places(self, stencil: Stencil, exchange: Callable[[Array], Array]) -> LevelMatrix:
-        """Return it on the places of a stencil, of the rows that an exchange gives."""
+        """Return the matrix on the places of a stencil, for the rows that `exchange` returns."""
         c, place = of_rows(exchange, self.c), stencil.grid.place
         if self.d is None:
             return LevelMatrix.of_mask(stencil, c)
@@ -70,7 +70,7 @@ class SlabMatrix:
 
 
 def find_near(slab: Slab, starts: Array, kernel: Array) -> Array:
-    """Return the coefficients that are near, the same on all ranks."""
+    """Return the near coefficients, the same on all ranks."""
     n1, n2 = int(starts[-1]), kernel.shape[3]
     rows, columns = max(NEAR, TRIAL // n2), max(NEAR, TRIAL // n1)
     counts = np.diff(np.minimum(starts, rows))
@@ -80,14 +80,14 @@ def find_near(slab: Slab, starts: Array, kernel: Array) -> Array:
 
 @dataclass(frozen=True)
 class SlabLevel:
-    """A level of which each rank has the rows of G and of W of its unknowns.
+    """A level with the rows of G and W distributed over the ranks.
 
     Attributes
     ----------
     intervals : tuple of Intervals
-        For each component the unknowns that the rows of G see.
+        For each component the unknowns that the rows of G use.
     level : Level
-        The columns of its G are these.
+        The columns of its G are these unknowns.
     """
 
     intervals: tuple[Intervals, ...]
@@ -95,7 +95,7 @@ class SlabLevel:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """The number of unknowns on each level, of all ranks."""
+        """The number of unknowns on each level, all ranks together."""
         return (sum(w.total for w in self.intervals), *self.level.coarse.sizes)
 
     def __call__(self, x: Array, out: Array | None = None) -> Array:
@@ -104,7 +104,7 @@ class SlabLevel:
         z = workspace((sum(w.seen for w in self.intervals),), x.dtype)
         for w, own, seen in self._parts(x, z):
             w.spread(own, seen)
-        # A rank may have some more rows of G than it owns: those of whole aggregates.
+        # A rank may have more rows of G than it owns, to complete its aggregates.
         rows = self.level.G.shape[0]
         self.level(z, z, out[:rows] if rows <= len(out) else None)
         for w, own, seen in self._parts(out, z):
@@ -112,14 +112,14 @@ class SlabLevel:
         return out
 
     def _parts(self, x: Array, z: Array) -> Iterator[tuple[Intervals, Array, Array]]:
-        """Yield for each component its part of a vector, and of what this rank sees of it."""
+        """Yield for each component the owned part of a vector, and the part that G uses."""
         own, seen = ([getattr(w, name) for w in self.intervals] for name in ("owned", "seen"))
         return zip(self.intervals, _split(x, own), _split(z, seen), strict=True)
 
 
 @dataclass(frozen=True)
 class CommonLevel:
-    """A level that all ranks have, and apply alike.
+    """A level that all ranks store and apply identically.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ class CommonLevel:
 def build_on_slab(
     matrix: SlabMatrix, options: Options, dtype: np.dtype[Any], most: float
 ) -> SlabLevel | CommonLevel:
-    """Build a level and those below it; all ranks have those of so many cells at most."""
+    """Build a level and those below it; levels with at most `most` cells are built on all ranks."""
     slab, starts, stencil = matrix.slab, matrix.starts, matrix.stencil
     ends = matrix.count_unknowns()
     rank, n1, (d, _, n2) = slab.comm.rank, int(starts[-1]), matrix.c.shape
@@ -170,7 +170,7 @@ def build_on_slab(
             whole = replace(stencil, kernel=of_rows(exchange, matrix.kernel))
             level = build(whole, matrix.on_places(whole, exchange), dtype, options)
         return CommonLevel(slab, counts, level)
-    # On this level a rank has the rows of whole aggregates. Rows of G see so many more above.
+    # On this level a rank has the rows of whole aggregates. Rows of G use p rows above them.
     h, p = stencil.grid.block[0], stencil.grid.reach[0]
     cuts = np.append(np.minimum((starts[:-1] + h // 2) // h * h, n1), n1)
     first = _begin(cuts[:-1] - p, cuts)
@@ -204,7 +204,7 @@ def _coarsen(matrix: SlabMatrix, stencil: Stencil, cuts: Array) -> SlabMatrix:
 
 
 def _direct(matrix: SlabMatrix, counts: Array, dtype: np.dtype[Any]) -> Direct:
-    """Return the inverse of the matrix, from what ranks have of the coefficients."""
+    """Return the inverse of the matrix, assembled from the coefficients of all ranks."""
     slab, starts = matrix.slab, matrix.starts
     component, i, j = np.nonzero(matrix.c)
     c = matrix.c[component, i, j].astype(float)
@@ -215,7 +215,7 @@ def _direct(matrix: SlabMatrix, counts: Array, dtype: np.dtype[Any]) -> Direct:
     component = np.repeat(np.arange(len(counts)), counts.sum(axis=1))
     i, j, c, d = np.concatenate(whole).T
     step_i, step_j = (x.astype(int)[:, None] - x.astype(int) for x in (i, j))
-    # Each rank has the entries of which it has the coefficients.
+    # Each rank computes the entries for which it has the coefficients.
     owner = starts[1:].searchsorted(np.abs(step_i).ravel(), side="right")
     order, of_rank = np.argsort(owner, kind="stable"), np.bincount(owner, minlength=slab.comm.size)
     end = of_rank[: slab.comm.rank + 1].sum()
@@ -235,7 +235,7 @@ def _direct(matrix: SlabMatrix, counts: Array, dtype: np.dtype[Any]) -> Direct:
 
 
 def _begin(first: Array, cuts: Array) -> Array:
-    """Return where the window of each rank begins: in the grid, and empty where it has no rows."""
+    """Return the first row of each rank's window, within the grid; empty for ranks without rows."""
     return np.where(cuts[1:] > cuts[:-1], np.maximum(first, 0), cuts[1:])
 
 

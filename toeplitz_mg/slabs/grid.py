@@ -1,4 +1,4 @@
-"""A grid of elements in slabs, and its matrices: what the searches of `contact` need of it."""
+"""A grid of elements in slabs, with the matrices that the algorithms of `contact` need."""
 
 from collections.abc import Callable
 from copy import copy
@@ -26,18 +26,18 @@ from toeplitz_mg.slabs.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.slabs.slab import Slab
 from toeplitz_mg.slabs.trigonometric import cosine_preconditioner
 
-FEW = 2**13  # Most elements of a grid within this one that every rank has all of, and solves alone.
-BLOCK = 64  # Rows whose coefficients are evaluated at once: what that takes is small.
+FEW = 2**13  # Most elements of a coarse grid or window that every rank stores and solves.
+BLOCK = 64  # Rows whose coefficients are evaluated at once, which bounds the memory.
 
 
 @dataclass(frozen=True)
 class SlabGrid(Grid):
-    """A grid of which a rank has the rows of a slab; fields are of these rows.
+    """A grid whose rows are distributed as in a slab; fields have the rows of this rank.
 
     Attributes
     ----------
     slab : Slab
-        Of two axes.
+        Has two axes.
     """
 
     slab: Any = None
@@ -45,15 +45,15 @@ class SlabGrid(Grid):
 
     @classmethod
     def of_rows(cls, whole: Grid, slab: Slab) -> Self:
-        """Return the grid of which a rank has the rows of a slab."""
+        """Return the distributed version of a grid."""
         return cls(**vars(whole), slab=slab)
 
     def __reduce__(self) -> Any:
-        """Be pickled, with what a result computes on demand on one rank, as the whole grid."""
+        """Pickle as the whole grid, as do the fields that a result computes later on one rank."""
         return copy, (self.whole,)
 
     def agree(self, read: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what is read of arguments, which all ranks have alike, or refuse."""
+        """Return `read(*arguments)`; raise an error unless it is the same on all ranks."""
         with self.slab.agree() as same:
             asked = read(*arguments)
             same.update(_describe(asked))
@@ -61,7 +61,7 @@ class SlabGrid(Grid):
 
     @property
     def whole(self) -> Grid:
-        """The grid of one process."""
+        """The same grid for one process."""
         return Grid(*(getattr(self, part.name) for part in fields(Grid)))
 
     @property
@@ -71,26 +71,26 @@ class SlabGrid(Grid):
 
     @property
     def is_small(self) -> bool:
-        """Nothing is kept: ranks without it would wait for those that have it."""
+        """False: nothing is cached, because ranks without it would wait for the others."""
         return False
 
     @property
     def is_line(self) -> bool:
-        """Strips of one element are solved as any surface."""
+        """False: strips of one element are solved like any surface."""
         return False
 
     @cached_property
     def _coarser(self) -> Any:
         whole = self.whole.coarser()
         if whole is None or prod(whole.shape) <= FEW:
-            return whole  # Every rank has all of it.
+            return whole  # Every rank stores it as a whole.
         if np.diff(self._coarse_starts).min() == 0:
             return None
         return self.of_rows(whole, self.slab.alike(whole.shape, self._coarse_starts))
 
     @property
     def _coarse_starts(self) -> Array:
-        """The first coarser rows of the ranks, where the one of two rows that are averaged is."""
+        """The first coarse row of each rank, which has the first of the two averaged rows."""
         return -(-self.slab.starts // 2)
 
     def centres(self) -> tuple[Array, Array]:
@@ -99,8 +99,8 @@ class SlabGrid(Grid):
         return x[self.slab.rows], y
 
     def coarser(self, coarsest: int | None = None) -> Any:
-        """Return the grid of elements twice the size, or None where that would be too coarse."""
-        if max(self.shape) <= self.coarsest:  # Every rank has all of it.
+        """Return the grid of elements of twice the size, or None if it would be too coarse."""
+        if max(self.shape) <= self.coarsest:  # Every rank stores it as a whole.
             return self.whole.coarser(coarsest)
         return self._coarser
 
@@ -125,12 +125,12 @@ class SlabGrid(Grid):
         return np.ascontiguousarray(fine[..., start:end, :])
 
     def _see(self, slab: Slab, x: Array, first: Array, stop: Array) -> Array:
-        """Return rows of a field for each rank: from a first one on, up to another or the end."""
+        """Return for each rank the rows of a field from `first` to `stop`, at most to the end."""
         rows = Intervals(slab, slab.starts, first, np.minimum(stop, slab.shape[0]))
         return of_rows(rows.spread, x)
 
     def window(self, elements: Mask, margin: float = 0.0) -> Any:
-        """Return the rectangle around some elements, and a margin; the grid where none are."""
+        """Return the window around some elements plus a margin; the grid if there are none."""
         (first, end), columns = (ends_of(elements, axis) for axis in range(2))
         start, n = self.slab.rows.start, self.shape[0]
         own = (start + first, start + end) if first < end else (n, 0)
@@ -141,16 +141,16 @@ class SlabGrid(Grid):
         return SlabWindow(self, box_around(self, ends, margin))
 
     def lines(self, x: Array, axis: int) -> Array:
-        """Return lines of a field along an axis, that each rank has a share of, as rows."""
+        """Return lines of a field along an axis as rows, distributed over the ranks."""
         if axis == 1:
             return x
         ((_, turn),) = self.slab.turns(x.shape[1], x.shape[1])
         return self.slab.to_columns(x, turn).T
 
     def fragmentation(self, C: Mask) -> float:
-        """Return how long the edge of some elements is (see `traits.fragmentation`)."""
+        """Return the `traits.fragmentation` of some elements."""
         slab, n = self.slab, self.shape[0]
-        # The edges below are those of the next rank.
+        # The next rank counts the edges below this rank's last row.
         rows = self._see(slab, C, np.maximum(slab.starts[:-1] - 1, 0), slab.starts[1:])
         ends = slab.rows.start == 0, slab.rows.stop == n
         rows, columns = np.pad(rows, (ends, (0, 0))), np.pad(C, ((0, 0), (1, 1)))
@@ -158,7 +158,7 @@ class SlabGrid(Grid):
         return float(sum(self.vectors.gather(own)) / self.vectors.count(C) ** 0.5)
 
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:  # type: ignore[override]
-        """Return the matrix of normal contact over its diagonal, and that."""
+        """Return the matrix of normal contact divided by its diagonal entry, and that entry."""
         c = self._evaluate("zz", {0: 1.0})
         unit = float(self.vectors.gather(c[0, 0])[0])
         c /= unit
@@ -174,11 +174,11 @@ class SlabGrid(Grid):
     def invert_shifted(
         self, K: CoupledOperator, dtype: DTypeLike, own: Any = ()
     ) -> ShiftedInverses:
-        """Return approximate inverses of the matrix of steady rolling with additions."""
+        """Return approximate inverses of the matrix of steady rolling plus diagonal matrices."""
         return ShiftedInverses.of(K, SlabTransform(self.slab, dtype))
 
     def invert_on_runs(self, C: Mask, dtype: DTypeLike) -> tuple[()]:
-        """Return none, as a run of elements may lie on several ranks."""
+        """Return no inverses, because a run of elements may extend over several ranks."""
         return ()
 
     def restrict(self, A: Any, C: Mask) -> MaskedOperator:
@@ -186,12 +186,12 @@ class SlabGrid(Grid):
         return MaskedOperator(A, C)
 
     def _sum(self, weights: dict[int, float]) -> CoupledOperator:
-        """Return the sum of the displacements so many elements ahead, with these weights."""
+        """Return the weighted sum of displacement matrices, by the number of elements ahead."""
         xx, xy, yy = (self._block(name, weights) for name in ("xx", "xy", "yy"))
         return CoupledOperator([[xx, xy], [xy, yy]])
 
     def _block(self, name: str, weights: dict[int, float]) -> ToeplitzOperator | None:
-        """Return the part of a matrix for two directions, or None where it is zero."""
+        """Return the block of a matrix for two directions, or None if it is zero."""
         c, behind, parity = self._evaluate(name, weights), None, KERNELS[name].parity
         if any(weights):
             behind, parity = self._evaluate(name, weights, -1.0), (1, parity[1])
@@ -200,7 +200,7 @@ class SlabGrid(Grid):
         return ToeplitzOperator(c, self.slab, parity=parity, behind=behind)
 
     def _evaluate(self, name: str, weights: dict[int, float], sign: float = 1.0) -> Array:
-        """Return this rank's rows of the coefficients of lags of this sign along x."""
+        """Return this rank's rows of the coefficients, for lags of this sign along x."""
         x, y = self.slab.offsets((self.element[0], self.element[1]))
         c = np.zeros(self.slab.local)
         for k in range(0, len(x), BLOCK):
@@ -231,7 +231,7 @@ class SlabWindow:
     Attributes
     ----------
     grid : SlabGrid or Grid
-        That of the elements inside, cut anew; where every rank has all of it a `Grid`.
+        The grid inside, cut anew into slabs; a `Grid` if every rank stores it as a whole.
     """
 
     def __init__(self, whole: Any, box: Box) -> None:
@@ -239,7 +239,7 @@ class SlabWindow:
         begin, end, ranks = box[0].start, box[0].stop, slab.comm.size
         shape = end - begin, box[1].stop - box[1].start
         is_cut = shape[0] * shape[1] > FEW
-        if is_cut and shape[0] < ranks:  # Each rank has a row.
+        if is_cut and shape[0] < ranks:  # Enlarge it, so that each rank has a row.
             begin = min(begin, whole.shape[0] - ranks)
             end, shape = begin + ranks, (ranks, shape[1])
             self.box = slice(begin, end), box[1]
@@ -255,18 +255,18 @@ class SlabWindow:
         self._there = Intervals(slab, slab.starts, first, stop)
 
     def cut(self, x: Array) -> Array:
-        """Return this rank's rows of a field, of any components, inside."""
+        """Return this rank's rows of a field inside the window, for any number of components."""
         return of_rows(self._there.spread, x[..., self.box[1]])
 
     def same(self, found: Any) -> Any:
-        """Return what was found inside: where every rank has solved alone, by the first.
+        """Return a result inside the window; that of the first rank if every rank computed it.
 
-        Processors of different kinds round differently, and take other numbers of iterations.
+        Processors of different types round differently, and need different numbers of iterations.
         """
         return self.whole.slab.of_first(found) if self._back is None else found
 
     def extend(self, x: Array) -> Array:
-        """Return this rank's rows of a field on the whole grid that is zero outside."""
+        """Return this rank's rows of a field on the whole grid, zero outside the window."""
         slab, (own, columns) = self.whole.slab, (self._rows, self.box[1])
         if self._back is None:
             x = x[..., own.start - self.box[0].start : own.stop - self.box[0].start, :]
@@ -279,7 +279,7 @@ class SlabWindow:
 
 
 def _describe(asked: Any) -> dict[str, Any]:
-    """Return what has to be the same on all ranks; of fields and results whether they are given."""
+    """Return what must be equal on all ranks; fields and results only as given or not."""
     told: dict[str, Any] = {}
     for part in fields(asked):
         value = getattr(asked, part.name)

@@ -1,4 +1,4 @@
-"""Intervals of a vector that ranks see, where each of them owns another."""
+"""Intervals of a vector that ranks use, while each rank owns another interval."""
 
 from collections.abc import Callable
 
@@ -9,15 +9,15 @@ from toeplitz_mg.slabs.slab import Slab
 
 
 class Intervals:
-    """Intervals of a vector that ranks see, of which each rank owns another.
+    """Intervals of a vector that ranks use, while each rank owns another interval.
 
     Parameters
     ----------
     slab : Slab
     owned : ndarray of int, shape (P + 1,)
-        Where the part of each rank begins, and the end.
+        The start of the part that each rank owns, and the end.
     first, stop : ndarray of int, shape (P,)
-        The interval that each rank sees.
+        The interval that each rank uses.
     """
 
     def __init__(self, slab: Slab, owned: Array, first: Array, stop: Array) -> None:
@@ -33,18 +33,18 @@ class Intervals:
         self._is_own = np.array_equal(first, owned[:-1]) and np.array_equal(stop, owned[1:])
 
     def spread(self, x: Array, out: Array | None = None) -> Array:
-        """Return what this rank sees, from what each rank owns, in `out` where that is given.
+        """Return the interval that this rank uses, from the owned parts; in `out` if given.
 
-        Without `out` it is what each rank owns itself, if all see just that.
+        Without `out`, `x` itself is returned if every rank uses just its own part.
         """
         if self._is_own and out is None:
             return x
         return self.slab.exchange(x, self._starts, self._lengths, self._expected, out)
 
     def collect(self, x: Array) -> Array:
-        """Return the sums of what all ranks have for what this rank owns: `spread`, transposed.
+        """Return the transpose of `spread`: for each owned entry the sum over the ranks using it.
 
-        They are added to `x` in its memory, of which they are a part where all of that is seen.
+        The result may share the memory of `x`, which is changed then.
         """
         if self._is_own:
             return x
@@ -65,6 +65,6 @@ class Intervals:
 
 
 def of_rows(exchange: Callable[[Array], Array], x: Array) -> Array:
-    """Return what an exchange of rows makes of those along the last axis but one, in one piece."""
+    """Apply an exchange of rows to the last but one axis; return a contiguous array."""
     rows = exchange(np.ascontiguousarray(np.moveaxis(x, -2, 0)))
     return np.ascontiguousarray(np.moveaxis(rows, 0, -2))

@@ -1,11 +1,11 @@
-"""One axis on slabs: its unknowns as the rows of a matrix, of which each rank has some.
+"""One axis on slabs: its unknowns form the rows of a matrix, and each rank has some of them.
 
-A Toeplitz matrix of one axis is one of two: with the unknown number i W + j at the point (i, j) its
-coefficients are a[i W + j] for the lag (i, j), where j has both signs. So products on a line are
-those of slabs of rows of W, and move as many bytes.
+A Toeplitz matrix of one axis is also one of two axes. If the point (i, j) has the number i W + j,
+the coefficient of the lag (i, j) is a[i W + j], where j has both signs. So products on a line are
+those on slabs of rows of length W, with as much communication.
 
-Transforms of a line are made in four steps (see `engine.fourstep`), the short ones along the
-columns and along the rows; the frequency k₁ + N₁ k₂ is at the place (k₁, k₂).
+Transforms of a line are made in four steps (see `engine.fourstep`), with short transforms along the
+columns and the rows. The frequency k₁ + N₁ k₂ is stored at (k₁, k₂).
 """
 
 from functools import cached_property
@@ -27,8 +27,8 @@ COMPLEX = np.dtype(np.complex128).itemsize
 class Line:
     """The unknowns of one axis as the rows of a matrix.
 
-    Its `slab` is that of the matrix: each rank has the rows that are nearest to its unknowns. Where
-    a vector has more numbers than the grid, its `length`, the last rank has these.
+    In its `slab` each rank has the rows nearest to its unknowns. If a vector has more entries than
+    the grid (`length`), the last rank has the additional ones.
     """
 
     def __init__(self, slab: Slab, width: int = 0, length: int = 0) -> None:
@@ -42,26 +42,26 @@ class Line:
         self.slab = slab.alike((rows, width), cuts)
 
     def _see(self, before: int = 0) -> Intervals:
-        """Return the exchange for those of a rank's rows, and so many numbers before them."""
+        """Return the exchange for a rank's rows, and for this many entries before them."""
         first = np.where(self._cuts[1:] > self._cuts[:-1], self._cuts[:-1] - before, self._cuts[1:])
         return Intervals(self.slab, self._ends, np.maximum(first, 0), self._cuts[1:])
 
     def rows(self, x: Array) -> Array:
-        """Return this rank's rows, with zeros behind the last number, from its part of a vector."""
+        """Return this rank's rows from its part of a vector, with zeros behind the last entry."""
         X = np.zeros(self.slab.local, x.dtype)
         seen = self._see().spread(x)
         X.reshape(-1)[: len(seen)] = seen
         return X
 
     def part(self, X: Array) -> Array:
-        """Return this rank's part of a vector, from its rows."""
+        """Return this rank's part of a vector from its rows."""
         first, stop = self._cuts[self.slab.comm.rank :][:2]
         return self._see().collect(X.reshape(-1)[: stop - first])
 
     def lags(self, c: Array, behind: Array) -> Array:
-        """Return the coefficients of the lags (i, j), |j| < W, of this rank's rows i.
+        """Return the coefficients of the lags (i, j), |j| < W, for this rank's rows i.
 
-        They are given by its part of those of the lags from 0 on, and from 0 down.
+        `c` and `behind` are its parts of the coefficients of the lags ≥ 0 and ≤ 0.
         """
         (rows, width), before = self.slab.local, self.width - 1
         line = np.zeros((max(rows, 1) + 1) * width - 1)
@@ -77,11 +77,11 @@ class Line:
 
 
 class LongTransform:
-    """Real transforms of vectors of one axis, extended by zeros, whose frequencies ranks share.
+    """Real transforms of zero-padded vectors of one axis, with distributed frequencies.
 
-    Those of the places (k₁, k₂), k₁ = 0 … N₁/2: of the others they are the complex conjugates. The
-    `length` is N₁ N₂; a vector has `known` numbers, of which the last rank has those that are more
-    than the unknowns.
+    Only the frequencies at (k₁, k₂), k₁ = 0 … N₁/2, are stored; the others are their conjugates.
+    The `length` is N₁ N₂. A vector has `known` entries; the last rank has those beyond the
+    unknowns.
     """
 
     def __init__(self, slab: Slab, known: int, length: int, dtype: DTypeLike = np.float64) -> None:
@@ -94,18 +94,18 @@ class LongTransform:
 
     @property
     def numbers(self) -> Array:
-        """The frequencies of this rank, as integers."""
+        """The numbers of this rank's frequencies."""
         k1 = np.arange(self.frequencies.rows.start, self.frequencies.rows.stop)
         return k1[:, None] + self._n1 * np.arange(self._n2)
 
     @property
     def have_both(self) -> Array:
-        """Whether rows of these have both of two frequencies that are each other's conjugate."""
+        """Whether each row has both frequencies of conjugate pairs."""
         return self.numbers[:, :1] * 2 % self._n1 == 0
 
     @cached_property
     def _turns(self) -> list[tuple[Turn, Array]]:
-        """The turns of columns, and the factors between the steps."""
+        """The turns of columns, with the twiddle factors between the steps."""
         turns = []
         for _, turn in self.line.slab.turns_of((self._n1, self._n2), COMPLEX):
             k = np.outer(np.arange(self._n1 // 2 + 1), np.arange(*turn[self.line.slab.comm.rank]))
@@ -125,7 +125,7 @@ class LongTransform:
             return fourier.fft(Z, overwrite_x=True)
 
     def backward(self, Z: Array) -> Array:
-        """Return the vector of a transform, cut: `Z` is overwritten."""
+        """Return the vector with this transform, cut to its length; `Z` is overwritten."""
         X = np.empty(self.line.slab.local, self.dtype)
         with keep_bits(self.dtype):
             Z = fourier.ifft(Z, overwrite_x=True)
@@ -137,9 +137,9 @@ class LongTransform:
         return self.line.part(X)
 
     def sums(self, column: Array, sign: int = 1) -> Array:
-        """Return Σ a_j exp(-2πijk/N) over all lags of a period, from those of the lags 0 … N/2.
+        """Return Σ a_j exp(-2πijk/N) over all lags of a period, given those of the lags 0 … N/2.
 
-        They are even, and so the sums real, or odd (sign -1).
+        The coefficients are even, so that the sums are real, or odd (`sign` -1).
         """
         half, comm = column.astype(np.float64), self.line.slab.comm
         if comm.rank == 0:

@@ -1,7 +1,7 @@
-"""What ranks tell each other. No other file sends messages.
+"""The messages between ranks; no other file sends any.
 
-A condition on which the next message depends rests on gathered numbers only, which are the same
-bits on all ranks: otherwise one would wait for ever for a message that no other sends.
+A condition that decides about the next message may depend only on gathered numbers, which are
+bitwise equal on all ranks. Otherwise a rank could wait forever for a message that no other sends.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.ranks import Callback, Ranks
 from toeplitz_mg.preconditioners.fsai.rows import Refused
 
-# What all ranks raise alike; in the place of any other error a RuntimeError.
+# Errors that all ranks raise alike; any other error becomes a RuntimeError.
 REFUSALS = (
     Refused,
     np.linalg.LinAlgError,
@@ -29,28 +29,28 @@ REFUSALS = (
 
 
 class Messages(Ranks):
-    """The messages of this rank to the others, and of the others to this one.
+    """The messages between this rank and the others.
 
-    All ranks have to call the same methods in the same order.
+    All ranks must call the same methods in the same order.
 
     Parameters
     ----------
     comm : mpi4py.MPI.Intracomm
-        As ``MPI.COMM_WORLD``.
+        For example ``MPI.COMM_WORLD``.
     """
 
-    _agreeing = 0  # In how many `agree` this process is, with ranks of any communicator.
+    _agreeing = 0  # The number of open `agree` contexts of this process, for any communicator.
 
     def __init__(self, comm: Any) -> None:
         self.comm = _check(comm)
 
     @contextmanager
     def agree(self) -> Iterator[dict[str, Any]]:
-        """Do what may be refused on some ranks only, so that all ranks raise the same error.
+        """If the body raises an error on one rank, raise it on all ranks.
 
-        Without it the others would wait for ever for the rank that has raised one, whatever it is:
-        with ``python -W error`` a warning too. The dictionary is to be filled with what has to be
-        the same on all ranks, by its name; otherwise it is a ValueError.
+        Otherwise the others would wait forever for the rank with the error (or, with
+        ``python -W error``, the warning). Fill the dictionary with values that must be the same on
+        all ranks, by name; a ValueError is raised if they differ.
         """
         same: dict[str, Any] = {}
         refusal: Exception | None = None
@@ -80,9 +80,9 @@ class Messages(Ranks):
                     )
 
     def share_errors(self, callback: Callback) -> Callback:
-        """Return a callback that all ranks have to call, or None where no rank has one.
+        """Return a callback that all ranks must call, or None if no rank has one.
 
-        Where it raises on one rank, it does on all: there its own error, elsewhere that of `agree`.
+        An error on one rank is raised on all: there the original one, elsewhere that of `agree`.
         """
         if not any(self.gather(callback is not None)):
             return None
@@ -98,9 +98,9 @@ class Messages(Ranks):
         return tell
 
     def gather(self, number: Any) -> Sequence[Any]:
-        """Return a number, or an array of numbers, of each rank, in the order of the ranks.
+        """Return the number, or array of numbers, of each rank, in the order of the ranks.
 
-        Integers, of 64 bits, are exchanged as they are, others in double precision.
+        64-bit integers are exchanged as they are, other numbers in double precision.
         """
         own = np.asarray(number)
         if own.dtype != np.int64:
@@ -110,14 +110,14 @@ class Messages(Ranks):
         return numbers.tolist() if own.ndim == 0 else list(numbers)
 
     def of_first(self, found: Any) -> Any:
-        """Return what the first rank has found, of few numbers, on all ranks."""
+        """Return the (small) result of the first rank on all ranks."""
         return self.comm.bcast(found)
 
     def everywhere(self, x: Array, lengths: Array | None = None) -> Array:
-        """Return the rows of all ranks, one after the other, on each of them.
+        """Return the rows of all ranks, concatenated, on each rank.
 
-        It is for what is small: nothing of the size of the grid may go this way. Where the number
-        of rows of each rank is known, `lengths`, one message less is sent.
+        Use it only for small arrays, never for those of the size of the grid. If `lengths`, the
+        numbers of rows, are given, one message less is sent.
         """
         if self.comm.size == 1:
             return x
@@ -130,9 +130,9 @@ class Messages(Ranks):
     def exchange(
         self, x: Array, starts: Array, lengths: Array, expected: Array, got: Array | None = None
     ) -> Array:
-        """Send each rank some rows, from `starts` on, and return those that all ranks send.
+        """Send each rank some rows, from `starts` on, and return the received rows.
 
-        Rank k is sent `lengths[k]` rows, and sends `expected[k]`, into `got` where that is given.
+        Rank k is sent `lengths[k]` rows and sends `expected[k]`, into `got` if that is given.
         """
         size = prod(x.shape[1:])
         if got is None:
@@ -143,15 +143,15 @@ class Messages(Ranks):
         return got
 
     def swap(self, sent: list[Any], got: list[Any]) -> None:
-        """Send each rank some numbers of an array, and put those of each rank into another."""
+        """Send parts of an array to each rank, and receive parts of another array from each."""
         self.comm.Alltoallv(sent, got)
 
 
 class SharedProgress:
-    """A `progress` of contact; an error that it raises on one rank all ranks raise.
+    """A `progress` callback of contact whose errors on one rank are raised on all ranks.
 
-    They agree on it after each product that they make together. On a grid of which each rank has
-    all, none waits for another: there an error is kept until they do.
+    The ranks agree after each product that they make together. On a grid that each rank stores as a
+    whole none waits for another; there an error is kept until they agree.
     """
 
     def __init__(self, ranks: Messages, progress: Callback) -> None:
@@ -159,7 +159,7 @@ class SharedProgress:
         self._error: Exception | None = None
 
     def __call__(self, *arguments: Any) -> None:
-        """Tell of a product, by itself or with ranks that agree."""
+        """Report a product; raise a kept error if the ranks are about to agree."""
         try:
             if self._progress is not None and self._error is None:
                 self._progress(*arguments)
@@ -170,7 +170,7 @@ class SharedProgress:
 
     @contextmanager
     def heard(self) -> Iterator[None]:
-        """Solve a problem, of which all ranks raise an error: on the rank of that it is its own."""
+        """Raise an error of one rank on all of them; on that rank it is the original error."""
         try:
             yield
             with self._ranks.agree():
@@ -185,7 +185,7 @@ class SharedProgress:
 
 
 def _name_kind(refusal: Exception | None) -> tuple[type[Exception] | None, str]:
-    """Return which error all ranks raise for that of one, and what it says."""
+    """Return the type and the message of the error that all ranks raise for that of one."""
     if refusal is None:
         return None, ""
     for kind in REFUSALS:

@@ -1,11 +1,11 @@
 """Toeplitz matrices on slabs: each rank multiplies its own rows.
 
-They are no `scipy.sparse.linalg.LinearOperator` and have no ``matvec``: the inner products of
-SciPy's iterations would be those of one rank. `toeplitz_mg.cg` and `toeplitz_mg.richardson` take
+They are not `scipy.sparse.linalg.LinearOperator` and have no ``matvec``, because the inner products
+of SciPy's iterations would cover one rank only. `toeplitz_mg.cg` and `toeplitz_mg.richardson` take
 their inner products from the operator.
 
-There is no multigrid on slabs: a cycle moves six times the bytes of an iteration of conjugate
-gradients with `fsai_preconditioner`, and takes more of them.
+There is no multigrid on slabs: a cycle moves six times as many bytes as an iteration of `cg` with
+`fsai_preconditioner`, and more cycles are needed.
 """
 
 from collections.abc import Sequence
@@ -27,9 +27,7 @@ from toeplitz_mg.slabs.slab import Slab, require_slab
 
 
 class SlabOperator:
-    """What a rank has of a square matrix: it multiplies this rank's part of a vector.
-
-    Every rank has to take part in a product.
+    """A rank's part of a square matrix; all ranks must take part in a product.
 
     Attributes
     ----------
@@ -37,16 +35,16 @@ class SlabOperator:
     grid_shape : tuple of int
         The shape of this rank's part of the grid.
     shape : (int, int)
-        The unknowns of this rank, twice.
+        The number of unknowns of this rank, twice.
     dtype : dtype
     vectors : Vectors
-        Inner products and updates of the vectors that it multiplies, over all ranks.
+        Inner products and updates of vectors, over all ranks.
     work : float
-        The cost of one application, in products with a Toeplitz matrix; of such a matrix itself.
+        The cost of one application, in products with a Toeplitz matrix.
     """
 
-    product: Any  # What multiplies, unless a class says otherwise.
-    made_by = ""  # The function that made it, of those that make others of the same class.
+    product: Any  # Does the multiplication, unless a class defines `multiply`.
+    made_by = ""  # The function that made it, if several make operators of the same class.
     work = 1.0
 
     def __init__(
@@ -83,7 +81,7 @@ class SlabOperator:
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix in which the products embed this one."""
+        """An upper bound of the 2-norm: that of the embedding matrix."""
         return float(self.product.norm_bound)
 
     def __matmul__(self, x: ArrayLike) -> Array:
@@ -95,7 +93,7 @@ class SlabOperator:
             if vector.shape != self.shape[:1]:
                 raise ValueError(f"x has shape {vector.shape}, but A has {self.shape}")
             same["the matrix"], same["the dtype of x"] = self.kind, dtype
-        # Single precision has not the range of double precision.
+        # Scale, because single precision has a smaller range than double precision.
         peak = self.vectors.peak(vector) if self.dtype.char == "f" and dtype.char == "d" else 1.0
         low, high = NEAR_ONE
         if not 0.0 < peak < np.inf or low < peak < high:
@@ -111,12 +109,12 @@ class SlabOperator:
 
     @property
     def kind(self) -> str:
-        """What it is, the same on all ranks: those whose messages differ would wait for ever."""
+        """A description to compare: ranks with different operators would wait forever."""
         what = f"{type(self).__name__} {self.made_by}".rstrip()
         return f"{what} on the grid {self.slab.shape}, {self.dtype}"
 
     def __repr__(self) -> str:
-        # The same on all ranks, for errors.
+        # The same on all ranks, for error messages.
         return f"<{type(self).__name__} of {self.slab.name}, {self.dtype}>"
 
 
@@ -178,7 +176,7 @@ class ToeplitzOperator(SlabOperator):
             same["the dtype of c"], same["parity"] = self.c.dtype, self.parity
             same["whether behind is given"] = behind is not None
         sizes = np.abs(self.c)
-        with np.errstate(over="ignore"):  # What overflows to inf is too much.
+        with np.errstate(over="ignore"):  # If the sum overflows to inf it is refused.
             total = slab.vectors.sum(sizes) * 2.0 ** len(slab.shape)
         largest = slab.vectors.max(sizes)
         require_digits("c", self.c.dtype, tuple(2 * n - 1 for n in slab.shape), total, largest)
@@ -189,7 +187,8 @@ class ToeplitzOperator(SlabOperator):
 
     def _make_product(self) -> Any:
         if self.slab.is_line and self.slab.comm.size == 1:
-            # What makes a matrix of rows of a line moves less, but takes twice the time.
+            # Treating the line as a matrix of rows would save communication, but take twice as
+            # long.
             lags = np.concatenate([self.opposite.ravel()[:0:-1], self.c.ravel()])
             return operators.ToeplitzOperator.from_lags(self.library.from_numpy(lags))
         return SlabProduct(self.slab, self.library, [[embed_on_slab(self)]], self.dtype)
@@ -201,18 +200,18 @@ class ToeplitzOperator(SlabOperator):
 
     @property
     def diagonal_entry(self) -> float:
-        """The coefficient of lag zero, which the first rank has."""
+        """The coefficient of lag zero, which is on the first rank."""
         return float(self.slab.gather(self.c.flat[0])[0])
 
     @property
     def opposite(self) -> Array:
-        """The coefficients of the opposite lags of those of `c`."""
+        """The coefficients of the lags opposite to those of `c`."""
         behind = self.parity[0] * self.c if self.behind is None else self.behind
         return prod(self.parity[1:]) * behind
 
     @property
     def spectrum(self) -> Array:
-        """The eigenvalues of the embedding, of the frequencies that this rank has."""
+        """The eigenvalues of the embedding, at the frequencies of this rank."""
         product = self.product
         return product.spectra[0][0] if isinstance(product, SlabProduct) else embed_on_slab(self)
 
@@ -269,7 +268,7 @@ class MaskedOperator(SlabOperator):
 
     @property
     def kind(self) -> str:
-        """What it is, the same on all ranks."""
+        """A description, the same on all ranks."""
         return f"MaskedOperator of a {self.full.kind}"
 
     def __repr__(self) -> str:
@@ -277,21 +276,21 @@ class MaskedOperator(SlabOperator):
 
 
 def _check_rows(name: str, values: ArrayLike, library: Library, slab: Slab) -> Array:
-    """Return this rank's rows of real coefficients, or say what is wrong with them.
+    """Return this rank's rows of real coefficients; raise an error if they are not valid.
 
-    They are a copy, as who gave them may change them, in the order of bytes that MPI knows.
+    The result is a copy, which the caller cannot change, in the native byte order, which MPI needs.
     """
     c = library.to_numpy(library.read(name, values))
     if c.shape != slab.local:
         raise ValueError(f"{name} has shape {c.shape}, but this rank's rows have {slab.local}")
     c = check_finite(c, name)
     if c.dtype.kind == "c":
-        raise TypeError(f"{name} has dtype {c.dtype}, but on slabs coefficients are real")
+        raise TypeError(f"{name} has dtype {c.dtype}, but coefficients on slabs must be real")
     return np.array(c, c.dtype.newbyteorder("="), order="C")
 
 
 def _read_parity(parity: Any, slab: Slab) -> tuple[int, ...]:
-    """Return 1 (even) or -1 (odd) for each axis, or say that this is none."""
+    """Return 1 (even) or -1 (odd) for each axis; raise an error for other values."""
     if parity is None:
         return (1,) * len(slab.shape)
     signs = tuple(parity) if isinstance(parity, Sequence) else ()
@@ -303,12 +302,12 @@ def _read_parity(parity: Any, slab: Slab) -> tuple[int, ...]:
 
 
 def _check_zeros(c: Array, behind: Array | None, parity: tuple[int, ...], slab: Slab) -> None:
-    """Refuse coefficients of the lag zero that make no sense."""
+    """Refuse coefficients of the lag zero that contradict the parity."""
     is_first = slab.rows.start == 0
     for axis, sign in enumerate(parity):
         if sign < 0 and (axis or is_first) and np.moveaxis(c, axis, 0)[0].any():
             raise ValueError(
-                f"parity is {parity}, but where c is odd, along axis {axis}, its coefficients of "
+                f"parity is {parity}, but if c is odd, along axis {axis}, its coefficients of "
                 "the lag zero must be zero"
             )
     if behind is not None and is_first and not np.array_equal(c[0], behind[0]):

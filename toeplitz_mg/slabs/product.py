@@ -1,4 +1,4 @@
-"""The passes of a product, rows in, columns through and rows out, with an exchange between them."""
+"""The passes of a product: rows, an exchange, columns, an exchange, rows."""
 
 from math import prod
 from typing import Any
@@ -18,10 +18,10 @@ from toeplitz_mg.slabs.slab import Slab
 
 
 class SlabProduct:
-    """Multiplication of this rank's rows by a Toeplitz matrix, or by blocks of such.
+    """Multiplication of this rank's rows by a Toeplitz matrix, or by blocks of such matrices.
 
-    It is made in turns, so that a rank has few columns at a time. Arrays of other libraries than
-    NumPy's are transformed by these, and exchanged in the memory of the processor, which any MPI
+    It is made in turns, so that a rank has only a few columns at a time. Arrays of other libraries
+    are transformed by their library, and exchanged in the memory of the processor, which any MPI
     can read.
 
     Parameters
@@ -29,8 +29,8 @@ class SlabProduct:
     slab : Slab
     library : Library
     spectrum : list of lists of array or None
-        For each pair of components the eigenvalues of the embedding, as `MultilevelProduct` has
-        them, of this rank's frequencies of the last axis. They may be NumPy's.
+        The eigenvalues of the embedding for each pair of components, as in `MultilevelProduct`, at
+        this rank's frequencies of the last axis. They may be NumPy arrays.
     dtype : float32 or float64
     """
 
@@ -42,21 +42,21 @@ class SlabProduct:
             for row in spectrum
         ]
         self._own = MultilevelProduct(library, (len(casts), *self.slab.shape), dtype, None, casts)
-        self.points = prod(self._own.lengths)  # By which the eigenvalues are divided.
+        self.points = prod(self._own.lengths)  # The eigenvalues are divided by this number.
 
     @property
     def spectra(self) -> Any:
-        """The eigenvalues of all pairs of components, as NumPy's arrays."""
+        """The eigenvalues for all pairs of components, as NumPy arrays."""
         own: Any = self._own.spectrum
         return [[s if s is None else self.library.to_numpy(s) for s in row] for row in own]
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm, which is the largest of those of the frequencies of a rank."""
+        """An upper bound of the 2-norm, the largest of the bounds of all ranks."""
         return max(self.slab.gather(self._own.norm_bound))
 
     def astype(self, dtype: DTypeLike) -> "SlabProduct":
-        """Return the multiplication in another precision; no transform is made."""
+        """Return the multiplication in another precision, without any transform."""
         return SlabProduct(self._given, self.library, self.spectra, dtype)
 
     def apply(self, x: Any, y: Any) -> Any:
@@ -65,7 +65,7 @@ class SlabProduct:
         if self.line is None:
             return self._multiply(x, y)
         parts = self.library.to_numpy(x).reshape(self._own.grid_shape[0], -1)
-        # The result is written there, and MPI knows one order of bytes only.
+        # The result is written into it; MPI supports only the native byte order.
         parts = parts.astype(np.result_type(parts, self._own.dtype), copy=False)
         X = np.stack([self.line.rows(part) for part in parts])
         X = self.library.to_numpy(self._multiply(self.library.from_numpy(X), X))
@@ -74,7 +74,7 @@ class SlabProduct:
     def _multiply(self, x: Any, y: Any) -> Any:
         slab, library, passes = self.slab, self.library, self._own.passes
         fields = (1, self._own.grid_shape[0], *slab.local)
-        if slab.comm.size == 1:  # It has all rows of its columns.
+        if slab.comm.size == 1:  # This rank has all rows of its columns.
             out = None if y is None else y.reshape(1, -1)
             return library.xp.reshape(passes.multiply(library.xp.reshape(x, (1, -1)), out), x.shape)
         Z = library.to_numpy(passes.rows_in(library.xp.reshape(x, fields)))
@@ -94,13 +94,13 @@ class SlabProduct:
 def embed_on_slab(A: Any) -> Array:
     """Return the eigenvalues of the embedding of a `slabs.ToeplitzOperator`.
 
-    They are those of this rank's frequencies of the last axis.
+    They are those at this rank's frequencies of the last axis.
     """
     slab, c, behind, parity = A.slab, A.c, A.behind, A.parity
     if slab.is_line:
         line, c, back = Line(slab), c.reshape(-1), A.opposite.reshape(-1)
         slab, parity = line.slab, (0, 0)
-        # Of a symmetric matrix what is behind has the conjugate transform.
+        # For a symmetric matrix the transform of the opposite lags is the conjugate.
         c, behind = line.lags(c, back), None if A.is_symmetric else line.lags(back, c)[:, ::-1]
     lengths = embedding_lengths(slab.shape)
     count_transforms(1, *(2 * n for n in slab.local))
@@ -117,7 +117,7 @@ def embed_on_slab(A: Any) -> Array:
 
 
 def _transform_rows(c: Array, parity: tuple[int, ...], lengths: tuple[int, ...]) -> Array:
-    """Transform all axes of a rank's coefficients but the first."""
+    """Transform all axes except the first of a rank's coefficients."""
     Z = transform_last(NUMPY, c, parity[-1], lengths[-1])
     for axis in reversed(range(1, c.ndim - 1)):
         Z = transform_around(NUMPY, *split(NUMPY, Z, axis, parity[axis]), axis, lengths[axis])

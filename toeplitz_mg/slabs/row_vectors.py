@@ -1,7 +1,7 @@
-"""Inner products of fields by their rows: the same bits, whichever rank has which of the rows.
+"""Inner products of fields by rows: bitwise equal for any distribution of the rows over ranks.
 
-Those of the rows are added exactly, and rounded once. So it does not matter in what order, and
-ranks of which each has some rows find what one finds that has them all.
+The inner products of the rows are added exactly and rounded once. So the order does not matter, and
+several ranks find the same result as one that has all rows.
 """
 
 from math import fsum, prod
@@ -14,20 +14,20 @@ from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, share, share_slices
 from toeplitz_mg.engine.vectors import AT_ONCE, PART, Gather, Vectors
 from toeplitz_mg.engine.workspace import workspace
 
-SHORT = 32  # Numbers of a row from which on it is worth it to add up rows, and then these exactly.
+SHORT = 32  # Shortest row for which it pays to sum rows first, and then their sums exactly.
 
-# How many unknowns each row of a field has, or the first unknown of each row where they differ in
-# that; None where a field has no rows, or short ones.
+# The number of unknowns in each row of a field, or, if it varies, the first unknown of each row;
+# None for a field without rows or with short ones.
 RowsOf = int | Array | None
 
 
 def rows_of(shape: tuple[int, ...], mask: Array | None = None) -> RowsOf:
     """Return the rows of a field of this shape, or of its unknowns: pieces of its last axis.
 
-    Of a field of which a process has a part, `shape` is that of the whole, and `mask` of the part.
+    For a distributed field `shape` is that of the whole, and `mask` that of this rank's part.
     """
     n = int(shape[-1])
-    # Pieces of a row that is too long for one part are as long as each other.
+    # A row that is too long for one part is cut into pieces of equal length.
     count = next((k for k in range(-(-n // PART), n // SHORT + 1) if n % k == 0), 0)
     if prod(shape[:-1]) <= 1 or not count:
         return None
@@ -38,14 +38,14 @@ def rows_of(shape: tuple[int, ...], mask: Array | None = None) -> RowsOf:
 
 
 class RowVectors(Vectors):
-    """Operations with real vectors of which each rank has some rows (see `engine.vectors`).
+    """Operations with real vectors distributed by rows (see `engine.vectors`).
 
     Parameters
     ----------
     gather : callable
-        Takes a number, or an array, and returns those of all ranks, in the same order on each.
+        Returns the numbers or arrays of all ranks, in the same order on each.
     rows : int or ndarray of int
-        `rows_of` the vectors.
+        The result of `rows_of` for the vectors.
     """
 
     def __init__(self, gather: Gather, rows: RowsOf) -> None:
@@ -54,7 +54,7 @@ class RowVectors(Vectors):
         def dot(x: Array, y: Array) -> float:
             sums = row_dots(x, y, rows).tolist()
             total = add_exactly(sums)
-            # What rounding takes from it goes with it: together they are as good as exact.
+            # Send the rounding error too; together both numbers are nearly exact.
             both = np.array([total, add_exactly([*sums, -total])])
             return add_exactly(np.ravel(gather(both)).tolist())
 
@@ -64,8 +64,8 @@ class RowVectors(Vectors):
 def row_dots(x: Array, y: Array, rows: Any) -> Array:
     """Return the inner products of the rows of two real vectors.
 
-    Neither other rows nor threads change the bits of one. The exact sum of all, rounded once, is
-    then the same for all processes that have the rows among them, and for one that has them all.
+    Each is bitwise independent of the other rows and of threads. So their exact sum, rounded once,
+    does not depend on the distribution of the rows over processes.
     """
     if type(rows) is int:
         X, Y = x.reshape(-1, rows), y.reshape(-1, rows)
@@ -97,8 +97,8 @@ def _share_dots(X: Array, Y: Array) -> Array:
 
 
 def add_exactly(numbers: list[float]) -> float:
-    """Return the sum of numbers, rounded once, in whatever order they are."""
+    """Return the sum of numbers, rounded once, in any order."""
     try:
         return fsum(numbers)
-    except (OverflowError, ValueError):  # Some are not finite, or their sum is not.
+    except (OverflowError, ValueError):  # Numbers or their sum are not finite.
         return float(np.sum(numbers))

@@ -1,4 +1,4 @@
-"""A grid cut into slabs of rows, one for each rank: which these are, and columns in their place.
+"""A grid cut into slabs of rows, one for each rank, and the exchange of rows for columns.
 
 Every rank runs the same program on its own rows, which are plain arrays.
 """
@@ -22,12 +22,12 @@ from toeplitz_mg.slabs.messages import Messages
 from toeplitz_mg.slabs.row_vectors import RowVectors, rows_of
 from toeplitz_mg.values import count, refuse_masked
 
-UNITS = (64, 16, 4, 1)  # Rows that may stay together: the cells of FSAI grow fourfold a level.
-SHARE = 16  # Units that a rank has at least, so that one more of them is not felt.
-TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time, in an exchange in turns.
-UNKNOWN = 8  # Memory of an unknown, with `fsai_preconditioner` and `cg`, over that of a cell.
+UNITS = (64, 16, 4, 1)  # Rows that may stay together; the cells of FSAI grow fourfold per level.
+SHARE = 16  # Least number of units per rank, so that one more unit is a small imbalance.
+TURN_BYTES = 2**23  # Bytes of the columns that a rank has at a time in an exchange.
+UNKNOWN = 8  # Memory of an unknown (with `fsai_preconditioner` and `cg`) over that of a cell.
 
-Turn = Sequence[tuple[int, int]]  # The first column of each rank, and the one behind its last.
+Turn = Sequence[tuple[int, int]]  # For each rank its first column, and the one behind its last.
 
 
 class Slab(Messages):
@@ -53,11 +53,11 @@ class Slab(Messages):
     starts : ndarray of int, of shape (ranks + 1,)
         The first row of each rank, and n₁.
     vectors : Vectors
-        Inner products and the like of vectors of which each rank has its part.
+        Inner products and other reductions of distributed vectors.
 
     See Also
     --------
-    ToeplitzOperator : a matrix distributed as a slab is.
+    ToeplitzOperator : a matrix distributed like a slab.
 
     Examples
     --------
@@ -97,7 +97,7 @@ class Slab(Messages):
         self.vectors = Vectors(self.gather)
 
     def alike(self, shape: tuple[int, ...], starts: Array) -> "Slab":
-        """Return the slab of another grid that is cut at these rows."""
+        """Return the slab of another grid, cut at these rows."""
         slab = Slab.__new__(Slab)
         slab.comm, slab.unit = self.comm, self.unit
         slab._set(shape, starts)
@@ -109,7 +109,7 @@ class Slab(Messages):
         Parameters
         ----------
         mask : array_like of bool, of shape `local`, or (components, ...) of that
-            True where there is an unknown, of this rank's rows.
+            True at the unknowns in this rank's rows.
 
         Returns
         -------
@@ -155,66 +155,66 @@ class Slab(Messages):
         Returns
         -------
         x, y : ndarray of shape (rows, 1) and (1, n₂)
-            The centres i h₁ and j h₂, of the rows i of this rank.
+            The centres i h₁ and j h₂, for the rows i of this rank.
         """
         if len(self.shape) != 2:
-            raise ValueError(f"the grid is {self.shape}, but the surface has the two axes x and y")
+            raise ValueError(f"the grid is {self.shape}, but must have the two axes x and y")
         x, y = offsets(self.shape, element)
         return x[self.rows], y
 
     def sum(self, x: Array) -> float:
-        """Return the sum of a real field of which each rank has its part: the same on all ranks."""
+        """Return the sum of a distributed real field, the same on all ranks."""
         vectors, x = self._read(x)
         if vectors is self.vectors:
-            x = x.astype(np.float64, copy=False)  # Others overflow, or round, sooner.
+            x = x.astype(np.float64, copy=False)  # Other dtypes overflow or round sooner.
         return float(vectors.sum(x))
 
     save = save_rows
 
     def extent(self, x: Array) -> tuple[float, float]:
-        """Return the least and the largest number of a field; of an empty one inf and -inf."""
+        """Return the minimum and the maximum of a field; inf and -inf if it is empty."""
         vectors, x = self._read(x)
         if vectors is self.vectors and x.dtype.kind in "bui":
-            x = x.astype(np.float64)  # What is infinite is no integer.
+            x = x.astype(np.float64)  # Integers have no infinity.
         return vectors.min(x), vectors.max(x)
 
     def _read(self, x: Any) -> tuple[Any, Any]:
-        """Return what adds and compares the numbers of a real field of any library, and these."""
+        """Return a real field of any library, preceded by the reductions for its numbers."""
         with self.agree():
             library = library_of(x)
             x = library.read("x", x)
             dtype = library.dtype(x)
             if dtype.kind not in "buif":
                 raise TypeError(f"x has dtype {dtype}, but must be of real numbers")
-            if dtype.kind == "b" and library is not NUMPY:  # Of these some libraries have no sum.
+            if dtype.kind == "b" and library is not NUMPY:  # Some libraries cannot sum booleans.
                 x = library.xp.astype(x, library.native(np.float64))
         return self.vectors if library is NUMPY else library.vectors_of(self.gather), x
 
     def vectors_for(self, A: Any, dtype: np.dtype[Any]) -> Any:
-        """Return the vectors of an iteration with A, whose inner products are by rows, or not.
+        """Return the vector operations for an iteration with A, with inner products by rows.
 
-        They are by rows for all unknowns of the grid, or of a mask that A knows.
+        They are by rows only for all unknowns of the grid, or for those of a mask of A.
         """
         if dtype.kind == "c":
-            raise TypeError(f"A and b give the dtype {dtype}, but on slabs all is real")
+            raise TypeError(f"A and b have the dtype {dtype}, but must be real on slabs")
         mask = getattr(A, "mask", None)
         size = prod(A.grid_shape) if mask is None else np.count_nonzero(mask)
         rows = rows_of(self.shape, mask) if A.library is NUMPY and A.shape[0] == size else None
         return A.vectors if rows is None else RowVectors(self.gather, rows)
 
     def columns(self, n: int) -> slice:
-        """Return which of n columns this rank has between `to_columns` and `to_rows`."""
+        """Return this rank's part of n columns between `to_columns` and `to_rows`."""
         return slice(*cuts_of(n, self.comm.size)[self.comm.rank : self.comm.rank + 2].tolist())
 
     def turns(self, n: int, width: int) -> Iterator[tuple[slice, Turn]]:
-        """Cut n columns into turns, in each of which a rank has at most `width` of its own.
+        """Cut n columns into turns, in each of which a rank has at most `width` columns.
 
         Yields
         ------
         own : slice
-            The columns of this rank in the turn, counted from its first one.
+            The columns of this rank in the turn, counted from its first column.
         turn : list of (int, int)
-            Those of each rank, counted from the first of all.
+            The columns of each rank, counted from the first of all.
         """
         of_ranks = list(pairwise(cuts_of(n, self.comm.size).tolist()))
         turns = max(1, -(-max(b - a for a, b in of_ranks) // width))
@@ -225,7 +225,7 @@ class Slab(Messages):
             yield slice(a - first, b - first), turn
 
     def turns_of(self, lengths: tuple[int, ...], size: int) -> Iterator[tuple[slice, Turn]]:
-        """Cut columns of fields of these lengths, of numbers of so many bytes, as `turns` does."""
+        """Return `turns` of columns for fields of these lengths, with numbers of `size` bytes."""
         return self.turns(lengths[-1], max(NARROW, TURN_BYTES // (size * prod(lengths[:-1]))))
 
     def to_columns(self, Z: Array, turn: Turn, out: Array | None = None) -> Array:
@@ -251,7 +251,7 @@ class Slab(Messages):
         return out
 
     def to_rows(self, C: Array, out: Array, turn: Turn) -> None:
-        """Exchange back what `to_columns` has returned, into the columns of the turn of `out`."""
+        """Undo `to_columns`: write into the columns `turn` of `out`."""
         sizes = self._sizes(turn, out)
         got = workspace((sum(sizes),), out.dtype)
         self.swap([np.ascontiguousarray(C), self._places_of_rows(C)], [got, sizes])
@@ -260,20 +260,20 @@ class Slab(Messages):
         out[..., slice(*turn[self.comm.rank])] = C[self.rows]
 
     def _sizes(self, turn: Turn, Z: Array) -> list[int]:
-        """Return what goes to each rank; 0 to this one, whose own is copied once, here."""
+        """Return the amount for each rank; 0 for this one, whose own part is copied directly."""
         sizes = [prod(Z.shape[:-1]) * (b - a) for a, b in turn]
         sizes[self.comm.rank] = 0
         return sizes
 
     def _places_of_rows(self, C: Array) -> tuple[list[int], list[int]]:
-        """Return how many numbers each rank has of C, 0 of this one, and where they begin."""
+        """Return the size and the start of each rank's part of C; the size is 0 for this rank."""
         places = self.starts * prod(C.shape[1:])
         sizes = np.diff(places).tolist()
         sizes[self.comm.rank] = 0
         return sizes, places[:-1].tolist()
 
     def _pieces(self, flat: Array, turn: Turn, Z: Array) -> Iterator[tuple[Array, slice]]:
-        """Yield each other rank's piece of a message, as an array, and the columns of it."""
+        """Yield the pieces of a message for the other ranks as arrays, with their columns."""
         end = 0
         for size, (a, b) in zip(self._sizes(turn, Z), turn, strict=True):
             start, end = end, end + size
@@ -281,7 +281,7 @@ class Slab(Messages):
                 yield flat[start:end].reshape(*Z.shape[:-1], b - a), slice(a, b)
 
     def __copy__(self) -> "Slab":
-        """Return itself, which does not change: a copy of what lives on a slab lives on that."""
+        """Return itself: a slab is immutable, and copies of objects on it stay on it."""
         return self
 
     def __deepcopy__(self, memo: Any) -> "Slab":
@@ -289,13 +289,13 @@ class Slab(Messages):
 
     def __reduce__(self) -> NoReturn:
         raise TypeError(
-            f"{self!r} belongs to the ranks of its communicator, and is not pickled, nor is what "
-            "lives on it: pickle arrays, and make it anew by Slab(comm, shape)"
+            f"{self!r} belongs to the ranks of its communicator and cannot be pickled, nor can "
+            "objects on it: pickle arrays, and make it anew by Slab(comm, shape)"
         )
 
     @property
     def name(self) -> str:
-        """The grid and the ranks: the same words on all ranks."""
+        """The grid and the number of ranks, the same text on all ranks."""
         return f"{' x '.join(map(str, self.shape))} on {self.comm.size} ranks"
 
     def __repr__(self) -> str:
@@ -306,26 +306,26 @@ class Slab(Messages):
 
 
 def require_slab(slab: Any) -> None:
-    """Refuse what is no slab; other ranks may wait, as there is none to agree on."""
+    """Raise an error for an object that is not a slab; without one the ranks cannot agree."""
     if not isinstance(slab, Slab):
         raise TypeError(f"slab is {slab!r}, but must be a Slab: Slab(MPI.COMM_WORLD, shape)")
 
 
 def choose_unit(shape: tuple[int, ...], ranks: int) -> int:
-    """Return how many rows stay together, so that all ranks have about as many."""
+    """Return the number of rows that stay together, so that ranks have about equal numbers."""
     of_line = () if prod(shape[1:]) > 1 else (line_width(shape[0]),)
     return next((k for k in (*of_line, *UNITS) if shape[0] >= SHARE * k * ranks), 1)
 
 
 def line_width(n: int) -> int:
-    """Return how many of n unknowns of one axis are a row, where they are taken as a matrix."""
+    """Return the row length with which n unknowns of one axis are treated as a matrix."""
     return 1 << n.bit_length() // 2
 
 
 def balance(weights: Array, parts: int) -> Array:
-    """Return where things are cut into parts of about the same weight, shape (parts + 1,).
+    """Return the cuts of a sequence into parts of nearly equal weight, shape (parts + 1,).
 
-    The weights are positive. No part is empty: there are as many things as parts, or more.
+    The weights are positive, and there are at least as many as parts. No part is empty.
     """
     ends, k = np.cumsum([0, *weights]), np.arange(parts + 1)
     goals = ends[-1] * k / parts
@@ -334,5 +334,5 @@ def balance(weights: Array, parts: int) -> Array:
 
 
 def cuts_of(n: int, parts: int) -> Array:
-    """Return where n things are cut into parts of about the same size, shape (parts + 1,)."""
+    """Return the cuts of n items into parts of nearly equal size, shape (parts + 1,)."""
     return np.array([n * k // parts for k in range(parts + 1)])

@@ -1,4 +1,4 @@
-"""Masks and components on slabs: preconditioners of the parts alone (see `operators.lifting`)."""
+"""Preconditioners on slabs for masks and coupled components (see `operators.lifting`)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,31 +18,31 @@ DOC = """{summary}, on slabs (see `toeplitz_mg.{name}`).
 Parameters
 ----------
 A : ToeplitzOperator or CoupledOperator of this package, or MaskedOperator of one
-    Even along each axis. Components have to be coupled symmetrically: M takes those whose blocks
-    are even or odd along each axis; cosine and sine transforms treat each component by itself.
+    Even along each axis. Components must be coupled symmetrically. M requires blocks that are
+    even or odd along each axis; cosine and sine transforms treat each component separately.
 dtype : float32 or float64, optional
-    The precision in which it is kept and applied, that of `A` by default.
+    Precision in which it is stored and applied; by default that of `A`.
 
 Returns
 -------
 SlabOperator
-    Of this rank's rows, symmetric positive definite, for `toeplitz_mg.cg`. Cosine and sine
-    transforms move half the bytes of M.
+    This rank's rows of a symmetric positive definite operator, for `toeplitz_mg.cg`. Cosine and
+    sine transforms move half as many bytes as M.
 
 Raises
 ------
 numpy.linalg.LinAlgError, ValueError, TypeError
-    What `toeplitz_mg.{name}` refuses on one machine, on all ranks.
+    On all ranks, as for `toeplitz_mg.{name}`.
 
 See Also
 --------
-toeplitz_mg.{name} : on one machine.
+toeplitz_mg.{name} : the function for one process.
 fsai_preconditioner : moves far fewer bytes.
 """
 
 
 def unwrap(A: Any) -> Any:
-    """Return the operator on the whole grid, or say that it is none of slabs."""
+    """Return the operator on the whole grid; raise an error if it is not one on slabs."""
     full = A.full if isinstance(A, MaskedOperator) else A
     if not isinstance(full, ToeplitzOperator | CoupledOperator):
         raise TypeError(
@@ -53,18 +53,17 @@ def unwrap(A: Any) -> Any:
 
 
 def restricted(name: str, make: Make, of_coupled: Any = None) -> Callable[..., SlabOperator]:
-    """Return the preconditioner that takes masks and components too.
+    """Return a preconditioner function that also accepts masks and components.
 
     Parameters
     ----------
     name : str
-        Of the function that does the same on one machine.
+        The name of the function for one process.
     make : callable
-        A function of an even `ToeplitzOperator` and of the precision of the result. On a mask the
-        preconditioner is the restriction of that of the whole grid; of coupled components it
-        treats each by itself.
+        A function of an even `ToeplitzOperator` and of the precision of the result. On a mask its
+        result for the whole grid is restricted; coupled components are treated separately.
     of_coupled : callable, optional
-        The function of a `CoupledOperator` in the place of that.
+        A function of a `CoupledOperator` that treats its components together instead.
     """
     serial = getattr(preconditioners, name)
 
@@ -102,7 +101,7 @@ def restricted(name: str, make: Make, of_coupled: Any = None) -> Callable[..., S
 
 
 class BlockDiagonal(SlabOperator):
-    """Matrices of the components of a field, each of which acts on its own component."""
+    """Matrices that each act on one component of a field."""
 
     def __init__(self, blocks: list[SlabOperator]) -> None:
         slab, dtype = blocks[0].slab, np.result_type(*(block.dtype for block in blocks))

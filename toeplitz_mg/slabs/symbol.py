@@ -1,7 +1,7 @@
-"""The symbol of a matrix on slabs: sums of its coefficients, of whose frequencies ranks have some.
+"""The symbol of a matrix on slabs: sums of its coefficients, with distributed frequencies.
 
-Coefficients are even or odd along each axis, and so are their transforms, which are imaginary along
-the odd ones. So half of the frequencies of each axis say it all, in real numbers.
+The coefficients are even or odd along each axis, and so are their transforms, which are imaginary
+along the odd axes. So half of the frequencies of each axis, as real numbers, suffice.
 """
 
 from collections.abc import Sequence
@@ -18,20 +18,20 @@ from toeplitz_mg.slabs.intervals import Intervals
 from toeplitz_mg.slabs.line import COMPLEX, LongTransform
 from toeplitz_mg.slabs.slab import Slab
 
-Parity = tuple[int, ...]  # Along each axis: 1 of even coefficients, -1 of odd ones.
-UNITS = (1.0, 1.0j, -1.0, -1.0j)  # Powers of i: one for each axis along which a block is odd.
+Parity = tuple[int, ...]  # For each axis 1 if the coefficients are even, -1 if they are odd.
+UNITS = (1.0, 1.0j, -1.0, -1.0j)  # Powers of i: a factor i for each axis with odd coefficients.
 
 
 class GridSymbol:
-    """Symbols of blocks on a grid, of which this rank has columns: frequencies of the last axis.
+    """Symbols of blocks on a grid; this rank has some frequencies of the last axis.
 
     Parameters
     ----------
     slab : Slab
     lengths : sequence of int
-        Those of the circulant along each axis.
+        The lengths of the circulant along each axis.
     numbers : sequence of range, optional
-        The frequencies, by default one of each two that are alike.
+        The frequencies; by default one of each pair with equal values.
     """
 
     def __init__(
@@ -42,10 +42,10 @@ class GridSymbol:
         self._points = tuple(map(len, self._numbers))
 
     def sample(self, c: Array, parity: Parity, *, is_continued: bool = False) -> Array:
-        """Return the symbol of a block, from this rank's rows of its coefficients.
+        """Return the symbol of a block from this rank's rows of its coefficients.
 
-        Those that are missing are on a straight line to those of the opposite lags, or as
-        `continue_axis` continues them, where the lengths are even.
+        Missing coefficients lie on a straight line to those of the opposite lags. With
+        `is_continued`, which needs even lengths, they are those of `continue_axis`.
         """
         slab = self.slab
         if is_continued:
@@ -64,7 +64,7 @@ class GridSymbol:
         return S * unit if (unit := _unit(parity)) != 1.0 else S
 
     def lags(self, S: Array, parity: Parity) -> Array:
-        """Return this rank's rows of the coefficients of a block, from its symbol."""
+        """Return this rank's rows of the coefficients of a block from its symbol."""
         S = (S / _unit(parity)).real
         rows = np.empty((self.slab.local[0], *self._points[1:]))
         for own, turn in self.slab.turns_of(self._points, COMPLEX):
@@ -74,7 +74,7 @@ class GridSymbol:
         return rows
 
     def _sums(self, c: Array, axis: int, sign: int) -> Array:
-        """Return the sums over all lags along an axis, without the i of odd ones."""
+        """Return the sums over all lags along an axis, without the factor i of odd ones."""
         length, numbers = self._lengths[axis], self._numbers[axis]
         wanted = cut(axis, numbers.start, numbers.stop)
         if length == 2 * (c.shape[axis] - 1):
@@ -90,7 +90,7 @@ class GridSymbol:
 
 
 class LineSymbol:
-    """The same on one axis, of which this rank has the frequencies of a long transform."""
+    """Symbols of blocks on one axis; this rank has some frequencies of a `LongTransform`."""
 
     def __init__(self, slab: Slab, lengths: Sequence[int]) -> None:
         (self._length,) = lengths
@@ -98,18 +98,18 @@ class LineSymbol:
         self._transform = LongTransform(slab, self._length // 2 + 1, self._length)
 
     def sample(self, c: Array, parity: Parity, *, is_continued: bool = False) -> Array:
-        """Return the symbol of a block, from this rank's part of its coefficients."""
+        """Return the symbol of a block from this rank's part of its coefficients."""
         sign, c, n = prod(parity), c.reshape(-1), prod(self.slab.shape)
         if is_continued:
             c = _continue_line(self.slab, c, self._length // 2)
         elif self.slab.comm.rank == self.slab.comm.size - 1:
-            # Straight from the last coefficient to that of the opposite lag.
+            # A straight line from the last coefficient to that of the opposite lag.
             t = np.arange(1.0, self._length // 2 - n + 2) / (self._length - 2 * n + 2)
             c = np.concatenate([c, c[-1] + t * (sign - 1) * c[-1]])
         return self._transform.sums(c, sign)
 
     def lags(self, S: Array, parity: Parity) -> Array:
-        """Return this rank's part of the coefficients of a block, from its symbol."""
+        """Return this rank's part of the coefficients of a block from its symbol."""
         c = self._transform.backward(np.array(S, complex))
         return c[: prod(self.slab.local)].reshape(self.slab.local)
 
@@ -121,11 +121,11 @@ def _unit(parity: Parity) -> complex:
 def _continue_line(slab: Slab, c: Array, length: int) -> Array:
     """Continue the first axis to the lags 0 … `length`, on the last rank (see `continue_axis`).
 
-    It is the first axis to be continued, and before any transform: otherwise it is not the same.
+    This must come before the other axes and before any transform, or the result would differ.
     """
     ends = slab.starts * (len(c) // slab.local[0])
     stop = np.full(slab.comm.size, known := ends[-1])
-    first = np.append(stop[1:], max(0, known - 2))  # The last rank sees the last two.
+    first = np.append(stop[1:], max(0, known - 2))  # The last rank uses the last two.
     last = Intervals(slab, ends, first, stop).spread(c)
     if slab.comm.rank < slab.comm.size - 1:
         return c
@@ -133,7 +133,7 @@ def _continue_line(slab: Slab, c: Array, length: int) -> Array:
 
 
 def sum_line(slab: Slab, c: Array, length: int) -> Array:
-    """Return this rank's part of what `sum_tail` does, or of the coefficients that continue."""
+    """Return this rank's part of `sum_tail`, or of the continued coefficients if it has no tail."""
     n = prod(slab.shape)
     ends = slab.starts * (n // slab.shape[0])
     everywhere = np.full(slab.comm.size, n)
@@ -144,7 +144,7 @@ def sum_line(slab: Slab, c: Array, length: int) -> Array:
     is_last = slab.comm.rank == slab.comm.size - 1
     lags = np.arange(float(start), length + 1.0 if is_last else start + len(c))
     sums = np.concatenate([c, tail.beyond(lags[len(c) :])]) + tail.of_periods(lags, length)
-    # Those of the negative lags: of lag 0, where the tail has no value, they are a period further.
+    # The negative lags; lag 0, which the tail does not cover, is shifted by a period.
     back = np.where(lags > 0.0, 2.0 * length - lags, 0.0)
     first = np.where(lags > 0.0, tail.beyond(np.maximum(back, length)), 0.0)
     return sums + first + tail.of_periods(back, length)

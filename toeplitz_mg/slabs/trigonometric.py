@@ -1,4 +1,4 @@
-"""What a cosine or sine transform diagonalises, on slabs, sampled from the symbol of A."""
+"""Preconditioners on slabs that a cosine or sine transform diagonalises."""
 
 from functools import partial
 from math import prod
@@ -25,7 +25,7 @@ class DiagonalisedGrid(SlabOperator):
     A : ToeplitzOperator
     dtype : float32 or float64
     first : {0, 1}
-        The number of the first sample along each axis: 0 of the cosine, 1 of the sine transform.
+        The number of the first sample along each axis: 0 for the cosine, 1 for the sine transform.
     """
 
     def __init__(self, A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> None:
@@ -70,11 +70,11 @@ class DiagonalisedGrid(SlabOperator):
 
 
 class DiagonalisedLine(SlabOperator):
-    """The same on one axis, by transforms of a vector extended by zeros.
+    """The same on one axis, by transforms of zero-padded vectors.
 
-    With w = exp(-iθ/2) at the frequencies θ = πk/n, the real parts of w times the transform of x
-    are the cosine sums of x at the points j + 1/2, and the imaginary parts its sine sums. On
-    other arrays than NumPy's it is applied in the memory of the processor.
+    With w = exp(-iθ/2) at the frequencies θ = πk/n, the real part of w times the transform of x is
+    the cosine sum of x at the points j + 1/2, and the imaginary part its sine sum. Arrays of other
+    libraries than NumPy are processed in the memory of the processor.
     """
 
     def __init__(self, A: ToeplitzOperator, dtype: np.dtype[Any], first: int) -> None:
@@ -86,7 +86,7 @@ class DiagonalisedLine(SlabOperator):
         samples, k = of_samples.sums(c), of_samples.numbers
 
         def sample(first: int) -> Array:
-            # Of two frequencies with the same sample one counts.
+            # Count one of two frequencies with the same sample.
             is_last = k == half * (1 - first)
             return samples[~is_last & ((k <= half) | ~of_samples.have_both)]
 
