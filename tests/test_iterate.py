@@ -325,7 +325,7 @@ def test_the_first_guess_is_not_changed_and_may_be_the_solution(solver):
 @pytest.mark.parametrize(
     ("arguments", "error", "match"),
     [
-        ({"b": np.ones(4)}, ValueError, r"b has shape \(4,\), but A has \(3, 3\)"),
+        ({"b": np.ones((3, 2))}, ValueError, r"b has .* but A has \(3, 3\): take one column"),
         ({"x0": np.ones(4)}, ValueError, r"x0 has shape \(4,\)"),
         ({"b": [1.0, np.nan, 0.0]}, ValueError, "b has entries that are not finite"),
         ({"rtol": -1e-8}, ValueError, "rtol is -1e-08, but must be a number that is not negative"),

@@ -226,7 +226,7 @@ def test_least_squares_that_cannot_be_had_are_warned_of():
         (lambda A: tmg.ToeplitzOperator.from_lags(np.ones(4), (3, 4)), r"must have \(6,\)"),
         (lambda A: tmg.ToeplitzOperator.convolution([1.0], 3, "all"), "mode is 'all'"),
         (lambda A: tmg.ToeplitzOperator.convolution(np.ones(4), 3, "valid"), "no larger than"),
-        (lambda A: tmg.matmul_toeplitz(([1.0], [1.0, 2.0]), [1.0]), "must have the 2 rows of r"),
+        (lambda A: tmg.matmul_toeplitz(([1.0], [1.0, 2.0]), [1.0]), "must have 2 rows: the matrix"),
         (lambda A: tmg.RightPreconditioned(A, tmg.jacobi_preconditioner(A.H @ A)), "square root"),
     ],
 )

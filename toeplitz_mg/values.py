@@ -127,8 +127,8 @@ def name_library(values: Any) -> str:
 def refuse_mixed(name: str, theirs: str, ours: str) -> NoReturn:
     """Raise a TypeError for an array whose library differs from that of the operator."""
     raise TypeError(
-        f"{name} is an array of {theirs}, but the operator has arrays of {ours}: use arrays of "
-        "one library; iterations for any are toeplitz_mg.cg and richardson"
+        f"{name} is an array of {theirs}, but must be one of {ours}, as the others are: convert "
+        "it; SciPy's iterations take arrays of numpy, toeplitz_mg.cg, gmres and richardson all"
     )
 
 

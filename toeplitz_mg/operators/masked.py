@@ -208,7 +208,10 @@ def check_booleans(mask: ArrayLike, grid_shape: tuple[int, ...], is_coupled: boo
     if is_coupled and mask.shape == grid_shape[1:]:
         mask = np.broadcast_to(mask, grid_shape)
     if mask.dtype != np.bool_:
-        raise TypeError(f"mask has dtype {mask.dtype}, but must be of booleans")
+        raise TypeError(
+            f"mask has dtype {mask.dtype}, but must be of booleans, which are true at the "
+            "unknowns: of zeros and ones write mask != 0"
+        )
     if mask.shape != grid_shape:
         raise ValueError(f"mask has shape {mask.shape}, but A lives on the grid {grid_shape}")
     mask = mask.copy()

@@ -60,7 +60,9 @@ def matmul_toeplitz(
     X = X[:, np.newaxis] if is_vector else X
     (m, n), k = (c.shape[-1], r.shape[-1]), X.shape[-1]
     if X.shape[-2] != n:
-        raise ValueError(f"x has shape {np.shape(x)}, but must have the {n} rows of r")
+        raise ValueError(
+            f"x has shape {np.shape(x)}, but must have {n} rows: the matrix has shape {(m, n)}"
+        )
     if check_finite and not all(np.isfinite(a).all() for a in (c, r, X)):
         raise ValueError("c, r or x has numbers that are not finite, but all must be")
     batch = np.broadcast_shapes(c.shape[:-1], r.shape[:-1], X.shape[:-2])

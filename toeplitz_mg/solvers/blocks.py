@@ -26,7 +26,7 @@ from toeplitz_mg.preconditioners import chan_preconditioner
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.toeplitz.refinement import ILL_CONDITIONED, SolveInfo
-from toeplitz_mg.values import positive
+from toeplitz_mg.values import positive, refuse_masked
 
 # With two to eight channels (`python -m comparisons.drop_in --channels 2 4 8`).
 DENSE = 600  # Most unknowns for which a dense Cholesky factor is as fast as the recursion.
@@ -170,7 +170,7 @@ def block_toeplitz_logdet(c: ArrayLike) -> float:
 
 def _read(values: ArrayLike) -> Array:
     """Return the first block column, in double precision."""
-    c = check_finite(values, "c")
+    c = check_finite(refuse_masked("c", values), "c")
     if c.ndim != 3 or c.shape[1] != c.shape[2]:
         raise ValueError(
             f"c has shape {c.shape}, but must have (n, k, k), n blocks of k channels: for one "

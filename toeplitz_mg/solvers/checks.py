@@ -1,7 +1,7 @@
 """What all iterations have in common: the checks of a system, and one loop with a true residual."""
 
 from collections.abc import Callable
-from math import inf
+from math import inf, prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from toeplitz_mg.engine.arrays.library import NUMPY, Library, library_of
 from toeplitz_mg.engine.ranks import ranks_of
 from toeplitz_mg.engine.vectors import VECTORS, Vectors, power_above
 from toeplitz_mg.operators.base import apply_to_rows, library_for
-from toeplitz_mg.values import count, is_foreign, real
+from toeplitz_mg.values import count, is_foreign, is_traced, real
 
 # Least part of the first residual that b may be, over the smallest number that has all digits.
 FAINT = 1e8
@@ -207,9 +207,19 @@ def check_operator(name: str, A: Any) -> LinearOperator:
 
 
 def _vector(values: ArrayLike, name: str, n: int, library: Library) -> Array:
+    if is_traced(values):
+        raise TypeError(
+            f"{name} is traced by JAX, and has no numbers yet: inside of jit and grad use "
+            "solve_toeplitz, or jax.scipy.sparse.linalg.cg with lambda x: A @ x"
+        )
     array, xp = check_numbers(name, values, library), library.xp
     if array.shape not in ((n,), (n, 1)):
-        raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}")
+        remedy = ""
+        if array.ndim == 2 and array.shape[0] == n:
+            remedy = f": take one column at a time, {name}[:, k]"
+        elif prod(array.shape) == n:
+            remedy = f": write {name}.ravel()"
+        raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}{remedy}")
     if not xp.all(xp.isfinite(array)):
         raise ValueError(f"{name} has entries that are not finite")
     if library.dtype(array).kind in "bui" or library.dtype(array) == np.float16:

@@ -19,7 +19,7 @@ from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.gmres import gmres
 from toeplitz_mg.solvers.toeplitz.refinement import ILL_CONDITIONED, RTOL, SolveInfo
 from toeplitz_mg.solvers.toeplitz.traced import solve_traced
-from toeplitz_mg.values import is_traced
+from toeplitz_mg.values import is_foreign, is_traced
 
 MAXITER = 500  # Most iterations of conjugate gradients, and half as many cycles of GMRES.
 
@@ -44,8 +44,9 @@ def solve_elsewhere(
     given = c_or_cr if isinstance(c_or_cr, tuple) else (c_or_cr,)
     if is_traced(b, *given):
         return solve_traced(given, b, on_numpy), SolveInfo("traced", 0, nan, nan)
-    library = library_of(b)
+    library = library_of(next(array for array in (b, *given) if is_foreign(array)))
     given = tuple(library.read(name, array) for name, array in zip("cr", given, strict=False))
+    b = library.read("b", b)
     if any(array.ndim != 1 for array in given) or b.ndim not in (1, 2):
         shapes = [tuple(array.shape) for array in (*given, b)]
         raise ValueError(

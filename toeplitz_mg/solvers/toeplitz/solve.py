@@ -150,7 +150,7 @@ def solve_toeplitz(
     """
     if rtol is not None and not 0.0 < real("rtol", rtol) < 1.0:
         raise ValueError(f"rtol is {rtol}, but must be between 0 and 1")
-    if is_foreign(b):
+    if is_foreign(b) or any(map(is_foreign, c_or_cr if type(c_or_cr) is tuple else (c_or_cr,))):
         elsewhere = solve_elsewhere(c_or_cr, b, rtol, solve_toeplitz)
         return elsewhere if full_output else elsewhere[0]
     c, r, b = _read(c_or_cr, b)

@@ -16,13 +16,22 @@ def solve_traced(given: tuple[Any, ...], b: Any, on_numpy: Callable[..., Any]) -
     ------
     TypeError
         For complex numbers.
+    ValueError
+        For a batch, and for shapes that do not match.
     """
     import jax.numpy as jnp
 
-    c, r = (jnp.asarray(array) for array in (given[0], given[-1]))
-    if any(jnp.iscomplexobj(array) for array in (c, r, b)):
+    arrays = [jnp.asarray(array) for array in (given[0], given[-1], b)]
+    dtype = jnp.result_type(*(array.dtype for array in arrays), float)
+    c, r, b = (array.astype(dtype) for array in arrays)
+    if jnp.iscomplexobj(b):
         raise TypeError("c, r or b is complex, but inside jit, grad and vmap all must be real")
-    return _solver(on_numpy)(c, r, jnp.asarray(b))
+    if c.ndim != 1 or c.shape != r.shape or b.ndim not in (1, 2) or len(b) != len(c):
+        raise ValueError(
+            f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but inside jit, grad and vmap "
+            "must have (n,), (n,) and (n,) or (n, k): for a batch use jax.vmap"
+        )
+    return _solver(on_numpy)(c, r, b)
 
 
 @cache
