@@ -26,6 +26,9 @@ class ProductCount:
         self.points = 0.0
         self.products = 0
 
+    def __repr__(self) -> str:
+        return f"<ProductCount {self.products} products, {self.points:g} points>"
+
     def units(self, n: int) -> float:
         """Return the work units: the work in products on a grid of `n` points (paper, §5.2)."""
         return self.points / n

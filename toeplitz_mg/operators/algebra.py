@@ -109,8 +109,8 @@ def _refuse_composition(A: Any, x: Any) -> None:
     names = {getattr(B, "library", NUMPY).name for B in (A, x)}
     if names != {NUMPY.name}:
         raise TypeError(
-            f"{A!r} and {x!r} make no operator on arrays of {' and '.join(sorted(names))}: apply "
-            "one after the other, as in A @ (B @ x)"
+            f"{A!r} and {x!r} make no operator on arrays of {' and '.join(sorted(names))}: "
+            "multiply by each, as in A @ x + B @ x or A @ (B @ x)"
         )
 
 
