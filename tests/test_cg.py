@@ -124,7 +124,7 @@ def test_what_is_refused_as_inner():
     A, b = system()
     with pytest.raises(ValueError, match=r"inner has shape \(3, 3\), but A has \(900, 900\)"):
         tmg.cg(A, b, inner=np.eye(3))
-    refuses(TypeError, "inner is True, but must be A in less precision", tmg.cg, A, b, inner=True)
+    refuses(TypeError, "inner is True, but must be A in lower precision", tmg.cg, A, b, inner=True)
     refuses(TypeError, "inner has dtype complex128", tmg.cg, A, b, inner=np.eye(900) + 0j)
     # Too coarse an approximation of A is not a solution, and not an endless loop.
     x, info = tmg.cg(A, b, inner=tmg.ToeplitzOperator(1.5 * A.c), rtol=1e-8, maxiter=30)

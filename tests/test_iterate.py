@@ -354,5 +354,5 @@ def test_refuses_bad_arguments(solver, arguments, error, match):
 
 @pytest.mark.parametrize("solver", [tmg.cg, tmg.gmres])
 def test_inner_products_are_in_double_precision_at_most(solver):
-    with pytest.raises(TypeError, match="the iteration is in float32 or float64"):
+    with pytest.raises(TypeError, match="must have float32 or float64"):
         solver(np.eye(3), np.ones(3, np.longdouble))

@@ -210,7 +210,7 @@ def test_lsqr_with_a_right_preconditioner_solves_the_damped_problem():
 
 def test_least_squares_that_cannot_be_had_are_warned_of():
     A = tmg.ToeplitzOperator.convolution(np.exp(-0.5 * (np.arange(-9, 10) / 3.0) ** 2), 200, "same")
-    with pytest.warns(LinAlgWarning, match="give a larger damp, rtol or maxiter"):
+    with pytest.warns(LinAlgWarning, match="use a larger damp, rtol or maxiter"):
         tmg.toeplitz_lstsq(A, seeded(200), maxiter=3)
 
 

@@ -1,1 +1,1 @@
-"""What finds x: iterations, inverses, and the drop-in for scipy.linalg.solve_toeplitz."""
+"""Solvers: iterations, inverses, least squares, and the drop-in for scipy.linalg.solve_toeplitz."""

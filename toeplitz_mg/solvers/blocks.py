@@ -1,4 +1,4 @@
-"""Hermitian positive definite block Toeplitz systems, of several channels: solutions, log det A.
+"""Hermitian positive definite block Toeplitz systems of several channels: solutions, log det A.
 
 References
 ----------
@@ -28,15 +28,15 @@ from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.toeplitz.refinement import ILL_CONDITIONED, SolveInfo
 from toeplitz_mg.values import positive, refuse_masked
 
-# With two to eight channels (`python -m comparisons.drop_in --channels 2 4 8`).
+# Measured with two to eight channels (`python -m comparisons.drop_in --channels 2 4 8`).
 DENSE = 600  # Most unknowns for which a dense Cholesky factor is as fast as the recursion.
-SHORT = 512  # Most blocks for which the recursion comes first.
-TRIED = 100  # Iterations of CG before the recursion, which takes longer than these.
-LONGEST = 20_000  # Most blocks of a recursion, whose steps are as many as their square.
+SHORT = 512  # Most blocks for which the recursion is tried before CG.
+TRIED = 100  # Iterations of CG before the recursion is used, which takes longer than these.
+LONGEST = 20_000  # Most blocks of a recursion; its time grows with their square.
 
 
 NOT_DEFINITE = (
-    "A is not positive definite, but must be: of others make a CoupledOperator, and use gmres with "
+    "A is not positive definite, but must be: use a CoupledOperator and gmres with "
     "chan_preconditioner"
 )
 
@@ -115,8 +115,8 @@ def solve_block_toeplitz(
     hat = _embed(c)
     x, method, iterations = _solve(c, right, tolerance)
     size, error = norm(right.ravel()), norm((right - _multiply(hat, x, x.dtype)).ravel())
-    bound = float(np.linalg.norm(hat, axis=(1, 2)).max()) * norm(x.ravel())  # Of ‖A‖ ‖x‖.
-    error = max(error, EPS * bound)  # Less is rounding.
+    bound = float(np.linalg.norm(hat, axis=(1, 2)).max()) * norm(x.ravel())  # Bounds ‖A‖ ‖x‖.
+    error = max(error, EPS * bound)  # A smaller error is rounding.
     residual = error / size if size else 0.0
     backward = error / (bound + size) if size else 0.0
     info = SolveInfo(method, iterations, residual, backward)
@@ -162,7 +162,7 @@ def block_toeplitz_logdet(c: ArrayLike) -> float:
     c = _read(c)
     n, k, _ = c.shape
     if n > LONGEST:
-        raise ValueError(f"c has {n} blocks, but the recursion takes at most {LONGEST}")
+        raise ValueError(f"c has {n} blocks, but for the recursion must have at most {LONGEST}")
     if n * k <= DENSE:
         return float(2.0 * np.log(np.diag(_factor(c)[0]).real).sum())
     return _recursion(c, np.zeros((n, k, 0), c.dtype))[1]
@@ -179,13 +179,13 @@ def _read(values: ArrayLike) -> Array:
     c = c.astype(np.result_type(c, np.float64))
     adjoint = c[0].conj().T
     if np.abs(c[0] - adjoint).max() > 1e-12 * np.abs(c[0]).max():
-        raise ValueError("c[0] is not Hermitian, but must be, as the blocks on the diagonal are")
+        raise ValueError("c[0] is not Hermitian, but must be, because it is a diagonal block")
     c[0] = (c[0] + adjoint) / 2
     return c
 
 
 def _lags(c: Array) -> Array:
-    """Return all blocks, the lag zero in the middle."""
+    """Return all blocks, with lag zero in the middle."""
     return np.concatenate([c[:0:-1].conj().swapaxes(1, 2), c])
 
 
@@ -198,13 +198,13 @@ def _embed(c: Array) -> Array:
 
 
 def _multiply(hat: Array, x: Array, dtype: np.dtype[Any]) -> Array:
-    """Multiply a block Toeplitz matrix, by the transform of its embedding."""
+    """Multiply by a block Toeplitz matrix, given the transform of its embedding."""
     y = fourier.ifft(hat @ fourier.fft(x, len(hat), axis=0), axis=0)[: len(x)]
     return y if dtype.kind == "c" else y.real
 
 
 def _solve(c: Array, b: Array, rtol: float) -> tuple[Array, str, int]:
-    """Return x, the method, and its iterations."""
+    """Return x, the name of the method, and the number of its iterations."""
     n, k, m = b.shape
     if n * k <= DENSE:
         x = cho_solve(_factor(c), b.reshape(n * k, m))
@@ -220,12 +220,12 @@ def _solve(c: Array, b: Array, rtol: float) -> tuple[Array, str, int]:
 
 
 def _iterate(c: Array, b: Array, rtol: float) -> tuple[Array, str, int] | None:
-    """Solve by conjugate gradients, with the unknowns of a channel together; None if that fails."""
+    """Return x by conjugate gradients, on the unknowns sorted by channel; None if that fails."""
     lags, (n, k, m) = _lags(c), b.shape
     A = CoupledOperator(
         [[ToeplitzOperator.from_lags(lags[:, i, j]) for j in range(k)] for i in range(k)]
     )
-    M = chan_preconditioner(A)  # It is refused where A is not positive definite.
+    M = chan_preconditioner(A)  # Raises an error if A is not positive definite.
     x, iterations = np.empty((k, n, m), np.result_type(c, b)), 0
     for j in range(m):
         residuals: list[float] = []
@@ -250,11 +250,11 @@ def _factor(c: Array) -> tuple[Array, bool]:
 
 
 def _recursion(c: Array, b: Array) -> tuple[Array, float]:
-    """Solve by the block recursion of Levinson's kind, and return log det A with x.
+    """Return x and log det A, by the block version of Levinson's recursion.
 
-    It runs in channels that c[0] makes orthonormal, as it is stable in these. Of the leading matrix
-    of j blocks it has the predictors forward, A U = (Ef, 0, …, 0) with U_0 = I, and backward,
-    A V = (0, …, 0, Eb) with V_(j-1) = I, and log det A is the sum of all log det Eb.
+    It runs in channels made orthonormal by c[0], for which it is stable. For the leading matrix of
+    j blocks it has the forward predictor, A U = (Ef, 0, …, 0) with U_0 = I, and the backward one,
+    A V = (0, …, 0, Eb) with V_(j-1) = I. Then log det A is the sum of all log det Eb.
     """
     (n, k, m), inverse = b.shape, np.linalg.inv
     try:
@@ -267,7 +267,7 @@ def _recursion(c: Array, b: Array) -> tuple[Array, float]:
         P = np.zeros((n * k, k + m), dtype)  # U and x, side by side.
         V, W = np.zeros((n * k, k), dtype), np.empty((n * k, k), dtype)
         row = np.ascontiguousarray(R[::-1].swapaxes(0, 1).reshape(k, n * k), dtype)
-        E = np.empty((n, 2, k, k), dtype)  # Ef and Eb.
+        E = np.empty((n, 2, k, k), dtype)  # Ef and Eb for each step.
         E[0] = P[:k, :k] = V[:k] = R[0]
         P[:k, k:] = g[0]
         for j in range(1, n):
@@ -293,8 +293,8 @@ def _recursion(c: Array, b: Array) -> tuple[Array, float]:
     if not m:
         return b, logdet
     x, U = P[:, k:].reshape(n, k, m), P[:, :k].reshape(n, k, k)
-    # A⁻¹ = T(U) Ef⁻¹ T(U)ᴴ - T(0, V) Eb⁻¹ T(0, V)ᴴ, T being block lower triangular Toeplitz with
-    # this first column: the formula of Gohberg and Heinig corrects x.
+    # Correct x by the formula of Gohberg and Heinig, where T is block lower triangular Toeplitz:
+    # A⁻¹ = T(U) Ef⁻¹ T(U)ᴴ - T(0, V) Eb⁻¹ T(0, V)ᴴ with these first block columns.
     r = g - _multiply(_embed(R), x, dtype)
     behind = np.append(np.zeros((1, k, k)), V.reshape(n, k, k)[:-1], axis=0)
     for column, F, sign in zip((U, behind), inverse(E[-1]), (1.0, -1.0), strict=True):

@@ -1,4 +1,4 @@
-"""Preconditioned conjugate gradients that allocate nothing in an iteration."""
+"""Preconditioned conjugate gradients whose iterations allocate no memory."""
 
 import warnings
 from collections.abc import Callable
@@ -17,11 +17,11 @@ from toeplitz_mg.operators.algebra import is_hermitian
 from toeplitz_mg.solvers.checks import Iterate, System, check_precision, check_system
 
 RELIABLE = 1e-3  # Relative error of an `inner` residual that does not disturb the iteration.
-# Factor by which ‖r‖ falls before an `inner` residual is computed anew: the first, and the largest,
-# which is that of a rough residual. With a larger one it is computed too often.
+# Largest factor by which ‖r‖ falls before an `inner` residual is recomputed, also used at first. A
+# larger factor would recompute it too often.
 MOST_FALL = 0.3
-# What the recurrence is to reach in each start, over the goal, as it may drift from the residual:
-# rounding that spoils the second start will spoil a third.
+# Goals of the recurrence in each start, relative to the tolerance, because it may drift from the
+# true residual. If rounding spoils the second start, it would also spoil a third.
 AIMS = (1.0, 0.5)
 
 
@@ -114,8 +114,8 @@ def cg(
     if is_hermitian(system.M) is False:
         warnings.warn(
             f"M is {system.M!r}, which is not symmetric, but cg needs that and may not converge: "
-            "give such an M to gmres or richardson, or to cg one that is, as multigrid(A) with "
-            "pre = post is",
+            "use such an M with gmres or richardson, or for cg one that is, such as multigrid(A) "
+            "with pre = post",
             stacklevel=2,
         )
     state = Descent(system)
@@ -139,7 +139,7 @@ def cg(
 
 @dataclass
 class _Inner:
-    """A change of the solution, and its residual, in less precision."""
+    """A correction of the solution, and its residual, in lower precision."""
 
     x: Array
     r: Array
@@ -147,10 +147,10 @@ class _Inner:
 
 
 class Descent(Iterate):
-    """Conjugate gradients, which may be in less precision than the solution.
+    """Conjugate gradients, possibly in lower precision than the solution.
 
-    What is solved for in less precision is y, where A y + s = (b - A x)/scale, with the residual s
-    in the place of r; without `inner` that is x itself.
+    With `inner` the unknown is y in A y + s = (b - A x)/scale, where s is the residual in lower
+    precision; without `inner` it is x itself.
     """
 
     def __init__(self, system: System) -> None:
@@ -164,21 +164,21 @@ class Descent(Iterate):
             self._inner = _Inner(y, vectors.copy(self.r, s))
         precondition = _return_same if system.M is None else partial(apply_to_rows, system.M)
         self._products = partial(apply_to_rows, A), precondition
-        self._is_true = True  # Whether the residual is that of x, and not that of the recurrence.
+        self._is_true = True  # Whether r is the true residual, and not that of the recurrence.
         self._last, self._fall = self.size, MOST_FALL
 
     def begin(self) -> None:
-        """Start from the residual, without the directions so far."""
+        """Start from the residual, without previous directions."""
         self._steps = ConjugateGradients(*self._products, self.vectors)
 
     def advance(self, goal: float) -> bool:
-        """Take a step, and a new residual where that of an `inner` recurrence is not reliable."""
+        """Take a step; recompute the residual if the `inner` recurrence is no longer reliable."""
         inner = self if self._inner is None else self._inner
         steps, add = self._steps, self.vectors.axpy
         length = steps.step(inner.r)
         if length == 0.0:  # A or M is not positive definite, or not finite.
             return False
-        with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
+        with np.errstate(over="ignore", invalid="ignore"):  # `info` reports overflow.
             inner.x = add(length * inner.scale, steps.direction, inner.x)
             inner.r = add(-length, steps.product, inner.r)
         self._is_true = False
@@ -188,15 +188,15 @@ class Descent(Iterate):
         return True
 
     def solution(self) -> Array:
-        """Return the sum of x and what is solved for in less precision."""
+        """Return the sum of x and the correction in lower precision."""
         if self._inner is None:
             return self.x
-        # The sum is in the precision of x: that of y may not have numbers as large, or as small.
+        # Add in the precision of x, because that of y may have too small a range.
         y = self.vectors.copy(self._inner.x, self.vectors.empty(self.x))
         return self.x + y * self.scale
 
     def compute_residual(self) -> None:
-        """Compute the residual by a product with A, unless it is as new."""
+        """Compute the residual by a product with A, unless it is already the true one."""
         if self._is_true:
             return
         self._is_true, inner = True, self._inner
@@ -206,7 +206,7 @@ class Descent(Iterate):
         super().compute_residual()
         if inner is None:
             return
-        with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
+        with np.errstate(over="ignore", invalid="ignore"):  # `info` reports overflow.
             error = self.vectors.norm(self.r - inner.r) / self._last
         self._fall = min(error / RELIABLE, MOST_FALL)
         inner.r = self.vectors.copy(self.r, inner.r)

@@ -1,4 +1,4 @@
-"""What all iterations have in common: the checks of a system, and one loop with a true residual."""
+"""Shared by all iterations: the checks of a system, and a loop with a true residual."""
 
 from collections.abc import Callable
 from math import inf, prod
@@ -16,24 +16,24 @@ from toeplitz_mg.engine.vectors import VECTORS, Vectors, power_above
 from toeplitz_mg.operators.base import apply_to_rows, library_for
 from toeplitz_mg.values import count, is_foreign, is_traced, real
 
-# Least part of the first residual that b may be, over the smallest number that has all digits.
+# Smallest b relative to the first residual, in units of the smallest number with full precision.
 FAINT = 1e8
 
-Watch = Callable[[], object]  # Called after each iteration; true where it is to be the last.
+Watch = Callable[[], object]  # Called after each iteration; returns True to stop.
 
 
 class System(NamedTuple):
-    """A system A x = b, a preconditioner and a first guess, all checked, of shape (n,)."""
+    """A checked system A x = b, a preconditioner and an initial guess; vectors have shape (n,)."""
 
     A: LinearOperator
     M: LinearOperator | None
     b: Array
-    x0: Array | str | None  # A string is "Mb", for M @ b.
+    x0: Array | str | None  # The string is "Mb", for M @ b.
     maxiter: int
     residuals: list[float]
-    dtype: np.dtype[Any]  # That of the solution.
+    dtype: np.dtype[Any]  # The dtype of the solution.
     vectors: Vectors
-    inner: LinearOperator | None  # A in the precision of the iteration, where that is less.
+    inner: LinearOperator | None  # A in the lower precision of the iteration, if any.
 
 
 def check_system(
@@ -48,12 +48,12 @@ def check_system(
     callback: Callable[..., object] | None = None,
     inner: Any = None,
 ) -> System:
-    """Return a system with vectors of shape (n,), or say what is wrong with it.
+    """Return a system with vectors of shape (n,); raise an error if it is not valid.
 
     Raises
     ------
     ValueError, TypeError
-        As `cg` does; on ranks also for arguments that are not alike on all of them.
+        As for `cg`; with several ranks also if the arguments differ between them.
     """
     ranks = ranks_of(A)
     with ranks.agree() as same:
@@ -64,7 +64,7 @@ def check_system(
         for name, given in (("A", A), ("M", M), ("inner", inner)):
             same[name] = getattr(given, "kind", None)
     if maxiter is None:
-        # There are 10 for each unknown, also for those of other ranks.
+        # 10 for each unknown, including those of other ranks.
         system = system._replace(maxiter=int(sum(ranks.gather(system.maxiter))))
     return system
 
@@ -91,7 +91,7 @@ def _check_own(
         if M.shape != A.shape:
             raise ValueError(f"M has shape {M.shape}, but A has {A.shape}")
     for name, tolerance in (("rtol", rtol), ("atol", atol)):
-        # SciPy has a ValueError for None and "legacy" too, and takes infinity.
+        # SciPy also raises a ValueError for None and "legacy", and accepts infinity.
         is_number = tolerance is not None and not isinstance(tolerance, str)
         if not (is_number and real(name, tolerance) >= 0.0):
             raise ValueError(f"{name} is {tolerance!r}, but must be a number that is not negative")
@@ -106,7 +106,7 @@ def _check_own(
         residuals = []
     elif not isinstance(residuals, list):
         raise TypeError(
-            f"residuals is {residuals!r}, but must be a list, which will be filled: make one by "
+            f"residuals is {residuals!r}, but must be a list, which will be filled: use "
             "residuals = []"
         )
     if callback is not None and not callable(callback):
@@ -121,7 +121,7 @@ def _check_own(
 
 
 def _dtype_of(A: LinearOperator) -> np.dtype[Any]:
-    # SciPy's IdentityOperator has none.
+    # SciPy's IdentityOperator has no dtype.
     return np.dtype(np.float64 if A.dtype is None else A.dtype)
 
 
@@ -130,31 +130,31 @@ def _check_inner(inner: Any, A: LinearOperator, dtype: np.dtype[Any]) -> LinearO
         B = check_operator("inner", inner)
     except TypeError:
         raise TypeError(
-            f"inner is {inner!r}, but must be A in less precision, as A.astype(np.float32)"
+            f"inner is {inner!r}, but must be A in lower precision, such as A.astype(np.float32)"
         ) from None
     check_place("inner", B, A)
     if B.shape != A.shape:
         raise ValueError(f"inner has shape {B.shape}, but A has {A.shape}")
     if np.dtype(B.dtype).char not in ("fdFD" if dtype.kind == "c" else "fd"):
         raise TypeError(
-            f"inner has dtype {B.dtype}, but must be A in less precision, and A and b give the "
+            f"inner has dtype {B.dtype}, but must be A in lower precision, and A and b have the "
             f"dtype {dtype}"
         )
     return B
 
 
 def check_precision(system: System) -> np.dtype[Any]:
-    """Return the dtype of the solution, which must be one that BLAS has."""
+    """Return the dtype of the solution; raise an error if BLAS does not support it."""
     if system.dtype.char not in "fdFD":
         raise TypeError(
-            f"A and b give the dtype {system.dtype}, but the iteration is in float32 or float64, "
-            "real or complex"
+            f"A and b have the dtype {system.dtype}, but must have float32 or float64, real or "
+            "complex, for an iteration"
         )
     return system.dtype
 
 
 def check_numbers(name: str, values: Any, library: Library = NUMPY) -> Array:
-    """Return an array of numbers, real or complex, of a library."""
+    """Return an array of real or complex numbers, of a library."""
     array = library.read(name, values)
     if library.dtype(array).kind not in "buifc":
         what = f"has dtype {array.dtype}" if array.ndim else f"is {array.item()!r}"
@@ -163,7 +163,7 @@ def check_numbers(name: str, values: Any, library: Library = NUMPY) -> Array:
 
 
 def check_place(name: str, M: Any, A: Any) -> None:
-    """Refuse an operator that is not on the same ranks as A, or on none as it."""
+    """Refuse an operator whose ranks or array library differ from those of A."""
     if ranks_of(M) is not ranks_of(A):
         raise TypeError(
             f"{name} is {M!r}, and A is {A!r}, but both must be of toeplitz_mg.slabs, on the same "
@@ -178,10 +178,10 @@ def check_place(name: str, M: Any, A: Any) -> None:
 
 
 def check_operator(name: str, A: Any) -> LinearOperator:
-    """Return a matrix, dense or sparse, or what has products, as an operator of numbers.
+    """Return a matrix, dense or sparse, or an object with products, as a linear operator.
 
-    What has `vectors` of its own, as an operator of this package or of one of its slabs, is
-    returned as it is.
+    Objects with their own `vectors`, such as operators of this package and on slabs, are returned
+    unchanged.
     """
     if hasattr(A, "vectors"):
         return A
@@ -193,8 +193,8 @@ def check_operator(name: str, A: Any) -> LinearOperator:
             )
         if callable(A):
             raise TypeError(
-                f"{name} is {A!r}, but must be a matrix or an operator: call a function that makes "
-                "one, as chan_preconditioner(A); of one that multiplies vectors it is "
+                f"{name} is {A!r}, but must be a matrix or an operator: call the function that "
+                "makes one, such as chan_preconditioner(A); for a function that multiplies use "
                 "scipy.sparse.linalg.LinearOperator(A.shape, function)"
             )
         if not issparse(A):
@@ -228,10 +228,10 @@ def _vector(values: ArrayLike, name: str, n: int, library: Library) -> Array:
 
 
 class Iterate:
-    """An iterate x and its residual r, which a kind of iteration changes in `advance`.
+    """An iterate x and its residual r, which subclasses change in `advance`.
 
-    The residual, and what is made of it, are divided by a power of two, so that no square of them
-    over- or underflows: that changes no digit.
+    The residual and all quantities derived from it are divided by a power of two. So no square
+    overflows or underflows, and no digit changes.
 
     Attributes
     ----------
@@ -241,7 +241,7 @@ class Iterate:
     size, size_of_b : float
         The norms of `r` and `b`.
     iterations : int
-        How many there have been. The norms of r for all of them are in ``system.residuals``.
+        The number of iterations so far; ``system.residuals`` has the norms of r for all of them.
     """
 
     def __init__(self, system: System) -> None:
@@ -254,20 +254,20 @@ class Iterate:
             self.x = vectors.copy(guess, self.x)
             b = vectors.copy(b, vectors.zeros(b, dtype))
             size = 1.0
-            with np.errstate(over="ignore", invalid="ignore"):  # Overflow is told by `info`.
+            with np.errstate(over="ignore", invalid="ignore"):  # `info` reports overflow.
                 r = b - apply_to_rows(A, self.x)
                 if not vectors.peak(r) < inf:
                     size = 2.0 ** (int(power_above(max(peak, vectors.peak(self.x)))) - 1)
                     r = b / size - apply_to_rows(A, self.x / size)
                 above = vectors.peak(r) * size
             if peak < FAINT * np.finfo(dtype).tiny * above < inf:
-                # Beside it nothing is left of b, so that nothing of the guess is worth keeping.
+                # b would underflow compared to this residual, so the guess is useless.
                 guess, self.x = None, vectors.zeros(b, dtype)
             else:
                 peak = max(peak, above)
-        # The largest entry is then from 1 to 2, so that the vectors are in the range of float32.
+        # The largest entry then lies between 1 and 2: the vectors are in the range of float32.
         self.scale = 2.0 ** (int(power_above(peak)) - 1)
-        # It is a copy: the products of whoever made A or M may be in the memory of what they gave.
+        # Copy, because products of a user's A or M may return memory that they reuse.
         with np.errstate(over="ignore", invalid="ignore"):
             self.b = vectors.cast(b, dtype) / self.scale
             if guess is None:
@@ -282,25 +282,25 @@ class Iterate:
         if not isinstance(system.x0, str):
             return system.x0
         guess = self.vectors.copy(system.b, self.vectors.zeros(system.b, system.dtype))
-        with np.errstate(over="ignore", invalid="ignore"):  # It is told by the error.
+        with np.errstate(over="ignore", invalid="ignore"):  # The error below reports overflow.
             guess = guess if system.M is None else apply_to_rows(system.M, guess)
         if not self.vectors.peak(guess) < inf:
             raise ValueError("x0 is 'Mb', but M @ b has entries that are not finite")
         return guess
 
     def goal(self, rtol: float, atol: float) -> float:
-        """Return what the norm of `r` is to be."""
+        """Return the goal for the norm of `r`."""
         return max(rtol * self.size_of_b, atol / self.scale)
 
     def zero(self) -> tuple[Array, int]:
-        """Return what an iteration returns where b is zero."""
+        """Return the result of an iteration for b = 0."""
         self.system.residuals[:] = [0.0]
         return self.vectors.zeros(self.x), 0
 
     def reach(self, goal: float, most: int, watch: Watch | None = None) -> bool:
-        """Iterate until `size` is at the goal, at most until there are so many iterations.
+        """Iterate until `size` reaches the goal, at most until there are `most` iterations.
 
-        Return whether it is. `watch` is called after each one, and may return True to stop.
+        Return whether it is reached. `watch` is called after each one; it returns True to stop.
         """
         self.begin()
         is_stopped: object = False
@@ -318,7 +318,7 @@ class Iterate:
         """Start an iteration from `r`."""
 
     def advance(self, goal: float) -> bool:
-        """Do one iteration, which sets `size`; return False where there is none."""
+        """Do one iteration, which sets `size`; return False if it is impossible."""
         raise NotImplementedError
 
     def solution(self) -> Array:
@@ -326,7 +326,7 @@ class Iterate:
         return self.x
 
     def compute_residual(self) -> None:
-        """Compute `r`, and its size, by a product with A."""
+        """Compute `r` and `size` by a product with A."""
         with np.errstate(over="ignore", invalid="ignore"):
             r = self.vectors.divide(self.x, self.scale, self.r)
             r = apply_to_rows(self.system.A, r, r)
@@ -334,7 +334,7 @@ class Iterate:
         self.size = self.vectors.norm(self.r)
 
     def record(self) -> None:
-        """Put down `size` for this iteration, in the place of what is there for it."""
+        """Record `size` for this iteration, replacing an earlier value."""
         self.system.residuals[self.iterations :] = [self.size * self.scale]
 
 
@@ -349,10 +349,10 @@ def by_recurrence(
     residuals: list[float] | None = None,
     watch: Watch | None = None,
 ) -> tuple[Array, int, bool]:
-    """Return what an iteration finds, how many there were, and whether the recurrence converged.
+    """Return the solution, the number of iterations, and whether the recurrence converged.
 
-    It is for those who know that A, M and b, of NumPy, are right and of one dtype, and who compute
-    the residual of the result themselves, and correct it.
+    For callers who know that A, M and b are valid NumPy arrays of one dtype, and who compute the
+    residual of the result and correct it themselves.
     """
     residuals = [] if residuals is None else residuals
     state = iteration(System(A, M, b, None, maxiter, residuals, b.dtype, VECTORS, None))

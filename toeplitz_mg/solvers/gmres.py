@@ -1,4 +1,4 @@
-"""GMRES, preconditioned from the right, so that the true residual is what stops it."""
+"""GMRES, preconditioned from the right, so that the stopping test uses the true residual."""
 
 import warnings
 from collections import deque
@@ -16,10 +16,10 @@ from toeplitz_mg.operators.base import library_for, require_serial
 from toeplitz_mg.solvers.checks import Iterate, System, check_precision, check_system
 from toeplitz_mg.values import count
 
-RESTART = 20  # Most iterations of a cycle, as in SciPy: there are 28 vectors then.
-STAGNANT = 0.999  # Factor by which some cycles are to reduce the residual, for another to follow.
-TYPES = "x", "pr_norm", "legacy", None  # Of what a callback is called with.
-PATIENCE = 10  # So many cycles: one alone may gain next to nothing, and those after it much.
+RESTART = 20  # Default number of iterations in a cycle, as in SciPy; 28 vectors are stored.
+STAGNANT = 0.999  # Another cycle is made if PATIENCE cycles reduced the residual by this factor.
+TYPES = "x", "pr_norm", "legacy", None  # Values of `callback_type`.
+PATIENCE = 10  # Cycles compared: a single one may gain almost nothing, and later ones much.
 
 
 def gmres(
@@ -119,7 +119,7 @@ def gmres(
             callback(np.float64(state.size / state.size_of_b))
 
     def watch() -> None:
-        if state.size > goal:  # The last one is told once its residual is known.
+        if state.size > goal:  # The last iteration is reported when its true residual is known.
             tell()
 
     while not state.size <= goal:
@@ -140,7 +140,7 @@ def gmres(
 
 
 def _counts_iterations(callback: Any, callback_type: Any) -> bool:
-    """Whether `maxiter` counts iterations, not cycles; refuse what is no type of a callback."""
+    """Whether `maxiter` counts iterations instead of cycles; refuse unknown callback types."""
     if callback_type is None and callback is not None:
         warnings.warn(
             "gmres is called without specifying `callback_type`, which is then 'legacy' as in "
@@ -154,13 +154,13 @@ def _counts_iterations(callback: Any, callback_type: Any) -> bool:
         raise ValueError(
             f"callback_type is {callback_type!r}, but must be 'x', to call back with the iterate "
             "after each cycle, 'pr_norm', with the relative residual after each iteration, or "
-            "'legacy', as 'pr_norm' but with a maxiter that counts iterations"
+            "'legacy', like 'pr_norm' but with a maxiter that counts iterations"
         )
     return callback is not None and callback_type == "legacy"
 
 
 class Space(Iterate):
-    """GMRES: the iterate of the least residual in a Krylov space of A M."""
+    """GMRES: the iterate with the smallest residual in a Krylov space of A M."""
 
     def __init__(self, system: System, restart: int | None = None) -> None:
         dtype, n = check_precision(system), system.b.shape[0]
@@ -171,20 +171,20 @@ class Space(Iterate):
         self._before = self.size
 
     def begin(self) -> None:
-        """Begin a space with the residual."""
+        """Start a Krylov space with the residual."""
         self._before = self.size
         self._space.begin(self.r)
 
     def advance(self, goal: float) -> bool:
-        """Add a dimension, if there is room; its least residual is 0 where no other is found."""
+        """Add a dimension if there is room; the residual is 0 if the space is exhausted."""
         if self._space.dimension == self._space.most:
             return False
-        with np.errstate(over="ignore", invalid="ignore"):  # It is told by `info`.
+        with np.errstate(over="ignore", invalid="ignore"):  # `info` reports overflow.
             self.size = self._space.extend()
         return True
 
     def solution(self) -> Array:
-        """Return the sum of x and the best change of it in the space."""
+        """Return the sum of x and the best correction in the space."""
         with np.errstate(over="ignore", invalid="ignore"):
             z = self._space.solution()
             if self.system.M is not None:
@@ -201,7 +201,7 @@ class Space(Iterate):
 
 
 def _product(system: System) -> Multiply:
-    """Return the products with A M, or with A."""
+    """Return the function that multiplies by A M, or by A."""
     A, M = system.A, system.M
     if M is None:
         return partial(apply_to_rows, A)

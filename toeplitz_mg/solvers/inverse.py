@@ -63,29 +63,29 @@ class ToeplitzInverse(GridOperator):
 
     @cached_property
     def residual(self) -> float:
-        """‖v - A A⁻¹v‖/‖v‖, measured for a vector v that is a constant and as much random."""
+        """‖v - A A⁻¹v‖/‖v‖ for a vector v with a constant and an equally large random part."""
         v = (1.0 + np.random.default_rng(0).standard_normal(self.shape[0])).astype(self.dtype)
         size, v = norm(v), self.library.from_numpy(v)
         return float(self.vectors.norm(v - self.A.apply(self.apply(v)))) / size
 
     @property
     def logdet(self) -> float:
-        """The logarithm of det A, of a positive definite A (see `toeplitz_logdet`)."""
+        """The logarithm of det A for a positive definite A (see `toeplitz_logdet`)."""
         warn_of_error(self._logdet, self.shape[0], stacklevel=3)
         return self._logdet.value
 
     @property
     def logdet_error(self) -> float:
-        """An estimate of the absolute error of `logdet`, which is rather too large."""
+        """An estimate, rather too large, of the absolute error of `logdet`."""
         return self._logdet.error
 
     @cached_property
     def diagonal_sums(self) -> Array:
-        """Σ_i (A⁻¹)_(i,i+k), k = 0 … n - 1, shape (n,), of a positive definite A.
+        """Σ_i (A⁻¹)_(i,i+k), k = 0 … n - 1, shape (n,), for a positive definite A.
 
-        For a real A they are the derivatives of log det A: by c[0] the first of them, and by c[k]
-        twice the one of k. The derivative by any parameter of c is their inner product with that of
-        c. They cost some three work units.
+        For a real A the first is the derivative of log det A by c[0], and twice entry k is that by
+        c[k]. For a parameter of c, take the inner product of these derivatives with that of c. They
+        cost about three work units.
         """
         sums = self._column.polynomial.diagonal_sums
         sums.flags.writeable = False
@@ -93,11 +93,11 @@ class ToeplitzInverse(GridOperator):
 
     @cached_property
     def _column(self) -> SharpColumn:
-        """The column of the inverse, in double precision, as exact as that allows."""
+        """The column of the inverse, as exact as double precision allows."""
         if not self.A.is_hermitian:
             raise TypeError(
-                f"A is {self.A!r}, but the log-determinant and the sums of diagonals are known of "
-                "a matrix only that is symmetric, or Hermitian, and positive definite"
+                f"A is {self.A!r}, but must be symmetric or Hermitian, and positive definite, for "
+                "the log-determinant and the sums of diagonals"
             )
         x = self.G.x.astype(np.result_type(self.G.x, np.float64))
         return sharpen(Columns(_line_of(self.A), x))
@@ -109,7 +109,7 @@ class ToeplitzInverse(GridOperator):
 
     @property
     def refined(self) -> "ToeplitzInverse":
-        """The inverse with one step of refinement more, at 3 work units: 2 G - G A G from G."""
+        """The inverse with one more step of refinement, at 3 work units: 2 G - G A G from G."""
         return ToeplitzInverse(self.A, self.G, self.steps + 1)
 
     def apply(self, V: Array, out: Array | None = None) -> Array:
@@ -130,7 +130,7 @@ class ToeplitzInverse(GridOperator):
         return f"<ToeplitzInverse {self.shape[0]}{refined}, residual {self.residual:.1e}>"
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # It is seen in the residual.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # The residual shows overflow.
 def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> ToeplitzInverse:
     """Return A⁻¹ as an operator, by the Gohberg–Semencul formula.
 
@@ -198,8 +198,8 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
     full, mask = unwrap_toeplitz(A, accept_any)
     if mask is not None:
         raise TypeError(
-            "A is a MaskedOperator, whose inverse the formula does not give: use cg, or gmres, "
-            "with chan_preconditioner(A)"
+            "A is a MaskedOperator, but must be a Toeplitz matrix for the inversion formula: use "
+            "cg, or gmres, with chan_preconditioner(A)"
         )
     line = _line_of(full)
     if rtol is None:
@@ -217,9 +217,9 @@ def toeplitz_inverse(A: ToeplitzOperator, *, rtol: float | None = None) -> Toepl
         rule = "not positive definite, or " if full.is_hermitian else ""
         small = inverse.residual <= NEAR
         raise np.linalg.LinAlgError(
-            f"the residual achieved is {inverse.residual:.1e}, but {rtol:.1e} was asked for: A is "
-            f"{rule}too ill-conditioned"
-            + (f": rtol={10.0 * inverse.residual:.0e} takes it" if small else "")
+            f"the residual achieved is {inverse.residual:.1e}, but must be at most {rtol:.1e}: A "
+            f"is {rule}too ill-conditioned"
+            + (f": rtol={10.0 * inverse.residual:.0e} accepts it" if small else "")
         )
     return inverse
 
@@ -230,7 +230,7 @@ def _line_of(A: ToeplitzOperator) -> ToeplitzOperator:
 
 
 def require_safe_sizes(A: ToeplitzOperator) -> None:
-    """Raise a ValueError where squares of norms might be out of the range of float64."""
+    """Raise a ValueError if squares of norms might be outside the range of float64."""
     low, high = SAFE_SIZES
     if A.norm_bound and not low <= A.norm_bound <= high:
         raise ValueError(
@@ -240,18 +240,17 @@ def require_safe_sizes(A: ToeplitzOperator) -> None:
 
 
 def first_columns(A: ToeplitzOperator, start: Array | None = None) -> Columns:
-    """Solve A x = e₁, and Aᴴ w = e₁ unless A is Hermitian, as well as float64 allows.
+    """Return the solutions of A x = e₁ and, unless A is Hermitian, of Aᴴ w = e₁, in float64.
 
-    `start` is nearly x, where such a one is known.
-
-    Raises ValueError where squares of norms might be out of the range of float64.
+    `start` is an approximation of x, if one is known. Raises a ValueError if squares of norms might
+    be outside the range of float64.
     """
     require_safe_sizes(A)
     return find_columns(A, solve=_solve if start is None else lambda A: Columns(A, start))
 
 
 def _solve(A: ToeplitzOperator) -> Columns | None:
-    """Solve for the columns: directly where they are few, or roughly by CG; None where neither."""
+    """Return the columns, directly for few unknowns or roughly by CG; None for other matrices."""
     n = A.shape[0]
     unit = np.eye(1, n)[0]
     if not A.is_hermitian and n <= DENSE:

@@ -23,8 +23,8 @@ from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.toeplitz.solve import solve_toeplitz
 from toeplitz_mg.values import count, finite, positive
 
-CORRECTIONS = 3  # Most solves with the normal equations: each starts from a residual of A itself.
-LEAST_GAIN = 0.5  # Largest quotient of two residuals for which another correction is made.
+CORRECTIONS = 3  # Most solves of the normal equations; each starts from the residual of A itself.
+LEAST_GAIN = 0.5  # Another correction is made if the last one reduced the error below this factor.
 
 
 class LeastSquaresInfo(NamedTuple):
@@ -164,12 +164,12 @@ def toeplitz_lstsq(
     )
     if not info.error <= tolerance:
         warnings.warn(
-            f"the error is {info.error:.2g}, and not {rtol}: A is too ill-conditioned for that, or "
-            "maxiter too small: give a larger damp, rtol or maxiter",
+            f"the error is {info.error:.2g}, but should be at most {rtol}: A is too "
+            "ill-conditioned, or maxiter too small: use a larger damp, rtol or maxiter",
             LinAlgWarning,
             stacklevel=2,
         )
-    # The numbers are powers of two, so that no digit changes.
+    # These factors are powers of two, so that no digit changes.
     with np.errstate(over="ignore"):
         X = (np.stack([x for x, _ in found], axis=1) * (of_b / of_A)).astype(dtype)
     info = info._replace(residual=info.residual * of_b)
@@ -180,12 +180,12 @@ def toeplitz_lstsq(
 
 
 def _size(a: Array) -> float:
-    """Return the power of two above the largest size of some numbers, 1 where all are zero."""
+    """Return a power of two above the largest absolute value; 1 if all numbers are zero."""
     return float(np.ldexp(1.0, int(np.frexp(np.abs(a).max(initial=0.0))[1])))
 
 
 class _NormalEquations:
-    """The normal equations of a least squares problem, or those of its dual, and their solver."""
+    """The normal equations of a least-squares problem, or of its dual, and their solver."""
 
     def __init__(self, A: Any, shift: float, M: Any, maxiter: int | None) -> None:
         self.A, self.adjoint, self.shift, self._maxiter = A, A.H, shift, maxiter
@@ -206,7 +206,7 @@ class _NormalEquations:
             self._M = precondition(T)
 
     def solve(self, b: Array, rtol: float) -> tuple[Array, tuple[int, float, float]]:
-        """Return x, the iterations, ‖b - A x‖ and the error."""
+        """Return x, the number of iterations, ‖b - A x‖ and the error."""
         dtype = np.result_type(self.A.dtype, b)
         x, y = (np.zeros(n, dtype) for n in self.A.shape[::-1])
         r, g, error = self._residual(b, x, y)
@@ -216,7 +216,7 @@ class _NormalEquations:
                 break
             change, steps = self._correct(g, rtol / error)
             iterations += steps
-            # Not x = Aᴴ(y + change), whose terms may be much larger than x.
+            # Not x = Aᴴ(y + change), because the terms may be much larger than x.
             trial = x + (self.adjoint @ change if self._is_dual else change)
             trial_y = y + change if self._is_dual else y
             previous, (r_new, g_new, new) = error, self._residual(b, trial, trial_y)
@@ -228,7 +228,7 @@ class _NormalEquations:
         return x, (iterations, norm(r), error)
 
     def _residual(self, b: Array, x: Array, y: Array) -> tuple[Array, Array, float]:
-        """Return b - A x, the residual of what is solved, and the error."""
+        """Return b - A x, the residual of the solved equations, and the error."""
         r = b - self.A @ x
         gradient = self.adjoint @ r - self.shift * x
         size = hypot(norm(r), sqrt(self.shift) * norm(x))
@@ -237,12 +237,12 @@ class _NormalEquations:
         return r, r - self.shift * y if self._is_dual else gradient, error
 
     def _correct(self, g: Array, rtol: float) -> tuple[Array, int]:
-        """Return the solution for a right-hand side, and the iterations."""
+        """Return the solution for a right-hand side, and the number of iterations."""
         if self._c is not None:
             with suppress(np.linalg.LinAlgError), warnings.catch_warnings():
                 warnings.simplefilter(
                     "ignore", LinAlgWarning
-                )  # What is wrong is corrected, or told.
+                )  # Errors are corrected or reported later.
                 return solve_toeplitz(self._c, g), 1
         residuals: list[float] = []
         x, _ = cg(
@@ -252,7 +252,7 @@ class _NormalEquations:
 
 
 def precondition(A: Any) -> LinearOperator | None:
-    """Return the preconditioner of normal equations, none where all are refused."""
+    """Return a preconditioner for normal equations; None if all are refused."""
     for function in (default_preconditioner, chan_preconditioner):
         with suppress(np.linalg.LinAlgError):
             return function(A)
@@ -276,7 +276,7 @@ class RightPreconditioned(LinearOperator):
     Raises
     ------
     TypeError
-        If `M` is not such an operator, whose square root is known.
+        If `M` is not such an operator, so that its square root is not known.
     ValueError
         If shapes do not match, `damp` is negative, or `M` is not positive definite.
 
@@ -303,8 +303,8 @@ class RightPreconditioned(LinearOperator):
         m, n = A.shape
         if not isinstance(M, DiagonalisedOperator):
             raise TypeError(
-                f"M is {M!r}, but must be a DiagonalisedOperator, whose square root is at hand: "
-                "that of cosine_preconditioner, chan_preconditioner or fft_preconditioner"
+                f"M is {M!r}, but must be a DiagonalisedOperator, whose square root is known: use "
+                "cosine_preconditioner, chan_preconditioner or fft_preconditioner"
             )
         if M.shape != (n, n) or finite("damp", damp) < 0.0:
             raise ValueError(

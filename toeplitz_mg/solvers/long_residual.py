@@ -1,10 +1,10 @@
-"""Residuals of Toeplitz systems with more digits than double precision has, by exact products.
+"""Residuals of Toeplitz systems with more digits than double precision, by exact products.
 
-The leading digits of a column c and of a vector x, some 20 bits of each, are integers but for a
-scale, and so is their product: the transforms have it to less than one half, and rounded it is
-exact. The products with the digits that are left are so much smaller, and their rounding with them.
-A solution that is corrected by such a residual is right to its last digits, where one that is
-corrected by a residual in double precision has an error that grows with the condition number.
+The leading digits, about 20 bits, of a column c and of a vector x are integers up to a scale, and
+so is their product. The transforms compute it with an error below one half, so rounding makes it
+exact. The products with the remaining digits are much smaller, and so are their rounding errors. A
+solution corrected by such a residual is right to its last digits. With a residual in double
+precision the error of the solution would grow with the condition number.
 """
 
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ from toeplitz_mg.columns.circle import Circle, circle_of
 from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.engine.vectors import norm
 
-UNSURE = 0.1  # Error of a product of integers, by transforms, that rounding removes for certain.
+UNSURE = 0.1  # Largest error of a product of integers by transforms for which rounding is safe.
 
 
 @dataclass(frozen=True)
 class LongResidual:
-    """The residuals of a symmetric or Hermitian Toeplitz matrix.
+    """The residuals of a symmetric or Hermitian Toeplitz system.
 
     Attributes
     ----------
     c : ndarray of float64 or complex128, of shape (n,)
-        The first column of A, c₀ real.
+        The first column of A, with c₀ real.
     """
 
     c: Array
@@ -51,17 +51,17 @@ class LongResidual:
 
     @cached_property
     def _column(self) -> tuple[float, Array, Array]:
-        """The scale of c, and the eigenvalues of its leading digits and of the others."""
+        """The scale of c, and the eigenvalues of its leading and of its remaining digits."""
         scale, *parts = self._split(self.c)
-        # Those of c and its conjugate mirror image.
+        # For a Hermitian matrix: the values of c and of its conjugate mirror image.
         leading, rest = (2.0 * self._circle.values(part).real - part[0].real for part in parts)
         return scale, leading, rest
 
     def _split(self, v: Array) -> tuple[float, Array, Array]:
-        """Return a scale, integers, and what v is more than these over the scale.
+        """Return a scale, integers, and the difference between v and the integers/scale.
 
-        The transforms of a product of vectors have errors as large as the rounding of the product
-        of their norms: that is what there is for both, and half of its digits for each.
+        The rounding errors of the transforms are proportional to the product of the norms. That
+        limits the digits of both vectors together; each gets half of them.
         """
         most = log2(UNSURE / (EPS * log2(2 * self._circle.points))) / 2
         scale = 2.0 ** floor(most - log2(norm(v)))

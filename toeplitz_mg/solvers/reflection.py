@@ -1,8 +1,8 @@
 """Reflection coefficients: upwards from the coefficients of a matrix, downwards from its inverse.
 
-The first way is Levinson's recursion, the second is the same steps back from A⁻¹ e₁. Upwards the
-rounding of the coefficients grows with the condition number of A, downwards hardly, if the column
-is exact; but each of its n steps is a call of NumPy.
+Upwards is Levinson's recursion; downwards are the same steps backwards from A⁻¹ e₁. Upwards the
+rounding errors grow with the condition number of A. Downwards they hardly do, if the column is
+exact, but each of the n steps is a NumPy call.
 """
 
 import numpy as np
@@ -76,34 +76,33 @@ def reflection_coefficients(c: ArrayLike) -> Array:
 
 
 def read_column(c: ArrayLike, advice: str) -> tuple[ToeplitzOperator, int]:
-    """Return the matrix with this first column in double precision, and what it was scaled by.
+    """Return the matrix 2^-power A with the first column `c` of A, in float64, and the power.
 
-    It is A times two to minus the power, whose numbers have squares that neither over- nor
-    underflow.
+    Squares of its numbers neither overflow nor underflow.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the diagonal is not positive.
+        If the diagonal is not positive.
     ValueError
-        Where there are several axes, or the diagonal is not real.
+        If there are several axes, or the diagonal is not real.
     TypeError
-        Where `c` is a matrix.
+        If `c` is a matrix.
     """
     if isinstance(c, LinearOperator) or not is_serial(c):
         raise TypeError(
-            f"c is {c!r}, but must be the first column of a matrix: of a ToeplitzOperator A write "
+            f"c is {c!r}, but must be the first column of a matrix: for a ToeplitzOperator A use "
             f"{advice}"
         )
     column = refuse_masked("c", c)
     if column.ndim > 1:
         raise ValueError(
-            f"c has shape {column.shape}, but must have one axis: no exact way is known for "
-            "several axes that is faster than a dense factorisation"
+            f"c has shape {column.shape}, but must have one axis: no exact method for several axes "
+            "is known that is faster than a dense factorisation"
         )
     A = ToeplitzOperator(column)
     if not A.is_hermitian:
-        raise ValueError(f"c[0] is {A.c[0]}, but must be real, as the matrix is to be Hermitian")
+        raise ValueError(f"c[0] is {A.c[0]}, but must be real for a Hermitian matrix")
     require_positive_diagonal(float(A.c[0].real))
     A = A.astype(np.result_type(A.dtype, np.float64))
     power = 0
@@ -114,21 +113,21 @@ def read_column(c: ArrayLike, advice: str) -> tuple[ToeplitzOperator, int]:
 
 
 def levinson_column(c: Array) -> tuple[Array, Array]:
-    """Return what `schur_column` does, by Levinson's recursion in n² steps.
+    """Return the same as `schur_column`, by Levinson's recursion in n² operations.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a parameter is not smaller than 1.
+        If a parameter is not smaller than 1.
     """
     if len(c) == 1:
         return schur_column(c)
     lags = np.concatenate([c[-2:0:-1].conj(), c[:-1]])
     try:
         predictor, reflections = recursion()(lags, np.ascontiguousarray(c[1:]))
-    except np.linalg.LinAlgError:  # A leading block is singular: this says which.
+    except np.linalg.LinAlgError:  # A leading block is singular; the other algorithm names it.
         return schur_column(c)
-    if reflections is None:  # The public function of SciPy returns none.
+    if reflections is None:  # SciPy's public function does not return them.
         return schur_column(c)
     gamma = -reflections[1:]
     require_reflections(gamma)
@@ -142,7 +141,7 @@ def step_down(x: Array) -> Array:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a parameter is not smaller than 1: no positive definite matrix has this column.
+        If a parameter is not smaller than 1: no positive definite matrix has this column.
     """
     a = x / x[0].real
     gamma = np.empty(len(a) - 1, a.dtype)

@@ -11,7 +11,7 @@ from toeplitz_mg.engine.ranks import ranks_of
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.checks import Iterate, check_system
 
-PATIENCE = 100  # Iterations without a smaller residual, after which none is expected.
+PATIENCE = 100  # The iteration stops after this many iterations without a smaller residual.
 
 
 def richardson(
@@ -100,7 +100,7 @@ class _Correction(Iterate):
     def advance(self, goal: float) -> bool:
         """Correct x, and compute the residual."""
         M = self.system.M
-        with np.errstate(over="ignore", invalid="ignore"):  # It is reported, not warned of.
+        with np.errstate(over="ignore", invalid="ignore"):  # `info` reports overflow.
             r = self.r if M is None else apply_to_rows(M, self.r, self.r)
             r *= self.scale
             self.x += r

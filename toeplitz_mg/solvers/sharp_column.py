@@ -13,10 +13,10 @@ from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.solvers.long_residual import LongResidual
 from toeplitz_mg.solvers.szego_polynomial import SzegoPolynomial
 
-WELL_CONDITIONED = 1e6  # Condition up to which gradients have ten digits in double precision.
-FINE = 2e-14  # Error of log x₀ over it up to which a log-determinant has twelve digits.
-SOLVED = 1e-10  # Relative size of a correction that leaves nothing but rounding.
-MOST_STEPS = 4  # Corrections, of which one is enough up to a condition number of some 10⁸.
+WELL_CONDITIONED = 1e6  # Condition number up to which gradients have ten digits in float64.
+FINE = 2e-14  # Relative error of log x₀ up to which a log-determinant has twelve digits.
+SOLVED = 1e-10  # A correction of less than this relative size leaves only rounding errors.
+MOST_STEPS = 4  # Most corrections; one is enough up to a condition number of some 10⁸.
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,14 @@ class SharpColumn:
     Attributes
     ----------
     A : ToeplitzOperator
-        Of one axis, Hermitian, in double precision.
+        One axis, Hermitian, double precision.
     x : ndarray of shape (n,)
     error : float
         An estimate of the relative error of x₀.
     near_inverse : GohbergSemencul
-        An approximation of A⁻¹ that one step of refinement brings to rounding.
+        An approximation of A⁻¹ from which one step of refinement reaches rounding.
     residual : LongResidual or None
-        What x was corrected by, or None where double precision is enough.
+        Computes the residuals that corrected x; None if double precision is enough.
     """
 
     A: ToeplitzOperator
@@ -44,12 +44,12 @@ class SharpColumn:
 
     @cached_property
     def polynomial(self) -> SzegoPolynomial:
-        """Its polynomial, on the unit circle."""
+        """The polynomial of x on the unit circle."""
         return SzegoPolynomial(self.x)
 
     @cached_property
     def inverse(self) -> GohbergSemencul:
-        """A⁻¹ by the formula alone."""
+        """A⁻¹ by the Gohberg-Semencul formula, without refinement."""
         return GohbergSemencul(self.x)
 
     def solve(self, Y: Rows) -> Rows:
@@ -59,7 +59,7 @@ class SharpColumn:
         return X
 
     def refine(self, Y: Rows, X: Rows) -> None:
-        """Correct approximations x of A⁻¹ y by their residuals, in place."""
+        """Correct approximations x of A⁻¹ y, in place, by their residuals."""
         if self.residual is None:
             X += self.near_inverse.apply(Y - self.A.apply(X))
             return
@@ -68,14 +68,14 @@ class SharpColumn:
 
 
 def sharpen(columns: Columns) -> SharpColumn:
-    """Correct the column of a Hermitian matrix where double precision is not enough.
+    """Return the column of a Hermitian matrix, corrected if double precision is not enough.
 
-    That is where a log-determinant would have fewer than twelve digits, or a gradient fewer than
+    It is not if a log-determinant would have fewer than twelve digits, or a gradient fewer than
     ten.
     """
     A, x, n = columns.A, columns.x, len(columns.x)
     size = float(x[0].real)
-    # The residual would change x₀ by xᴴ (e₁ - A x).
+    # A correction would change x₀ by xᴴ (e₁ - A x).
     change = abs(np.vdot(x, columns.errors[0])) + columns.rounding * norm(x) / np.sqrt(n)
     column = SharpColumn(A, x, float(change) / size, columns.near_inverse)
     is_fine = column.error <= FINE * abs(np.log(size))
@@ -86,7 +86,7 @@ def sharpen(columns: Columns) -> SharpColumn:
     for _ in range(MOST_STEPS):
         correction = columns.near_inverse.apply(residual(unit, x))
         moved = norm(correction) / norm(x)
-        if not moved < 0.5 * last:  # The approximate inverse is none any more.
+        if not moved < 0.5 * last:  # The approximate inverse is too inaccurate.
             break
         x += correction
         last = moved

@@ -1,9 +1,9 @@
-"""The log-determinant of a positive definite Toeplitz matrix, by its recursions and its inverse.
+"""The log-determinant of a positive definite Toeplitz matrix, by recursions and by its inverse.
 
-With x = A⁻¹ e₁, e = 1/x₀ and the polynomial a(z) = Σ xₖ zᵏ/x₀, which has no zero in the closed unit
-disc, the symbol e/|a|² has the lags of A up to n - 1, and those beyond that an autoregressive
-process has (Bernstein and Szegő). Its matrices have determinants that Szegő's strong limit theorem
-gives exactly, as it is one of those for which the limit is reached.
+Let x = A⁻¹ e₁ and e = 1/x₀. The polynomial a(z) = Σ xₖ zᵏ/x₀ has no zero in the closed unit disc,
+and the symbol e/|a|² has the lags of A up to n - 1, continued by those of an autoregressive process
+(Bernstein and Szegő). For this symbol Szegő's strong limit theorem gives the determinant exactly,
+because the limit is reached.
 """
 
 import warnings
@@ -26,37 +26,37 @@ from toeplitz_mg.solvers.sharp_column import SharpColumn
 from toeplitz_mg.solvers.szego_polynomial import MOST_SAMPLES
 from toeplitz_mg.solvers.toeplitz.sizes import GENERAL, SHORT
 
-GOAL = 1e-12  # Relative error of a log-determinant above which the Schur algorithm may do better.
-SAFETY = 3.0  # Estimates of errors are this many times what is known of them.
-FEWEST = 64  # Unknowns from which on the cepstrum has terms enough to see how they decrease.
-LONG_SAMPLES = 4.25  # Enough for each unknown for most of long memory, its real zero divided out.
-LONGEST = 2**22  # Most samples that are taken of a long column where nothing else is exact.
-WRAPPED = 1e-7  # How much a series is damped over its length: then less of it wraps around.
-CUT = 0.1  # What is cut off of a sum is less than the last eighth of it over this.
-SPREAD = 50.0  # Largest ratio of an error that was seen to the one of random rounding.
-NEWTON_STEPS = 40  # Most steps for a zero, which takes some eight.
-FAR = 10.0  # Distance of a zero from the circle, over 1/n, at which it makes no difference.
-ROUGH = 1e-11  # The same where Cholesky's factorisation is worth its time.
-INEXACT = 1e-10  # Estimated error for each unknown above which there is a warning.
+GOAL = 1e-12  # Relative error of a log-determinant above which another method is tried.
+SAFETY = 3.0  # Factor from the computed estimates of errors to the reported ones.
+FEWEST = 64  # Fewest unknowns for which the cepstrum has enough terms to show how they decrease.
+LONG_SAMPLES = 4.25  # Samples per unknown for long memory, after division by its real zero.
+LONGEST = 2**22  # Most samples for a long column if no other method is exact.
+WRAPPED = 1e-7  # Damping of a series over its length, which reduces its aliases.
+CUT = 0.1  # The truncation error is bounded by the last eighth of the sum divided by this.
+SPREAD = 50.0  # Largest observed ratio of an error to that of random rounding.
+NEWTON_STEPS = 40  # Most steps for a zero, which usually takes about eight.
+FAR = 10.0  # A zero further from the circle than this, divided by n, needs no special treatment.
+ROUGH = 1e-11  # Error per unknown above which a Cholesky factorisation is worth its time.
+INEXACT = 1e-10  # Estimated error per unknown above which a warning is given.
 
 
 class LogDeterminant(NamedTuple):
-    """A logarithm of a determinant, and an estimate of its absolute error that is rather large."""
+    """The logarithm of a determinant, with a rather large estimate of its absolute error."""
 
     value: float
     error: float
 
     @property
     def is_exact(self) -> bool:
-        """Whether the estimate is within the goal."""
+        """Whether the estimated error is within `GOAL`."""
         return self.error <= GOAL * abs(self.value)
 
     def is_within(self, error: float, n: int) -> bool:
-        """Whether the estimate is within this error for each of so many unknowns."""
+        """Whether the estimated error is within `error` per unknown, for n unknowns."""
         return self.error <= error * max(n, abs(self.value))
 
     def doubt(self, n: int) -> str:
-        """Return what a warning says where it is inexact, and nothing where it is not."""
+        """Return the text of a warning if the error is large, otherwise an empty string."""
         if self.is_within(INEXACT, n):
             return ""
         return (
@@ -66,7 +66,7 @@ class LogDeterminant(NamedTuple):
 
 
 def warn_of_error(found: LogDeterminant, n: int, stacklevel: int) -> None:
-    """Warn where the estimated error of a log-determinant of n unknowns is large."""
+    """Warn if the estimated error of a log-determinant of n unknowns is large."""
     if doubt := found.doubt(n):
         warnings.warn(doubt, scipy.linalg.LinAlgWarning, stacklevel=stacklevel)
 
@@ -76,19 +76,19 @@ def log_determinant(
 ) -> LogDeterminant:
     """Return log det A from reflection coefficients, or from the column of its inverse.
 
-    It is the first of several ways that is exact, or else the one with the least error.
+    Methods are tried until one is exact; otherwise that with the smallest error is used.
 
     Parameters
     ----------
     A : ToeplitzOperator
-        Of one axis, Hermitian, in double precision.
+        One axis, Hermitian, double precision.
     find_column : callable
-        Returns the column, given one that is nearly it or None, if it is needed.
+        Returns the column, given an approximation or None; called only if it is needed.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where A is not positive definite, or float64 cannot tell.
+        If A is not positive definite, or float64 cannot tell.
     """
     n, best, start = len(A.c), LogDeterminant(0.0, np.inf), None
     if n <= SHORT:
@@ -104,8 +104,8 @@ def log_determinant(
             return best
     if n <= GENERAL and not best.is_within(ROUGH, n):
         best = _better(best, lambda: _factor(A, column))
-    if best.error > n:  # Then no prediction error has a digit.
-        schur_column(A.c)  # It says which leading block is not positive definite.
+    if best.error > n:  # No prediction error has a correct digit.
+        schur_column(A.c)  # Its error names the leading block that is not positive definite.
         raise np.linalg.LinAlgError(
             f"the leading {n} x {n} block of A is not positive definite, exactly or numerically: "
             "with a larger c[0], a nugget, it is"
@@ -117,7 +117,7 @@ Way = Callable[[], LogDeterminant | None]
 
 
 def _better(best: LogDeterminant, way: Way) -> LogDeterminant:
-    """Return the better one of two log-determinants, of which the second may be refused."""
+    """Return the log-determinant with the smaller error; the second one may be refused."""
     with suppress(np.linalg.LinAlgError):
         found = way()
         if found is not None and found.error < best.error:
@@ -126,7 +126,7 @@ def _better(best: LogDeterminant, way: Way) -> LogDeterminant:
 
 
 def _ways(A: ToeplitzOperator, column: SharpColumn) -> list[Way]:
-    """Return the ways to the log-determinant once the column is known, the fastest first."""
+    """Return the methods for the log-determinant that use the column, the fastest first."""
     n = len(A.c)
     ways: list[Way] = []
     if n >= FEWEST:
@@ -142,7 +142,7 @@ def _ways(A: ToeplitzOperator, column: SharpColumn) -> list[Way]:
 
 
 def _factor(A: ToeplitzOperator, column: SharpColumn) -> LogDeterminant:
-    """Return log det A by Cholesky's factorisation of the dense matrix."""
+    """Return log det A by a Cholesky factorisation of the dense matrix."""
     n, diagonal = len(A.c), np.linalg.cholesky(A.toarray()).diagonal().real
     trace = abs(float(column.polynomial.diagonal_sums[0].real))
     error = EPS * (float(np.sqrt(2.0 / n)) * norm(A.c) * trace + n)
@@ -152,8 +152,8 @@ def _factor(A: ToeplitzOperator, column: SharpColumn) -> LogDeterminant:
 def _sum_upwards(A: ToeplitzOperator, x: Array, gamma: Array) -> LogDeterminant:
     """Return log det A by Levinson's recursion, from its column and its coefficients.
 
-    The derivative of log det A is A⁻¹, whose trace says what the rounding of c₀ changes. How far
-    the last prediction error is off, the residual of the last column tells.
+    The derivative of log det A is A⁻¹; its trace bounds the effect of the rounding of c₀. The
+    residual of the last column bounds the error of the last prediction error.
     """
     c, n = A.c, len(A.c)
     logs = np.log1p(-(gamma.real**2 + gamma.imag**2))
@@ -168,7 +168,7 @@ def _sum_upwards(A: ToeplitzOperator, x: Array, gamma: Array) -> LogDeterminant:
 def _sum_downwards(column: SharpColumn) -> LogDeterminant:
     """Return log det A by Levinson's steps backwards, from the last prediction error 1/x₀.
 
-    The first one has all errors of these steps: it is c₀.
+    They end at c₀, whose deviation shows the accumulated error.
     """
     n, last = len(column.x), -log(column.x[0].real)
     gamma = step_down(column.x)
@@ -184,22 +184,22 @@ def _sum_schur_parameters(column: SharpColumn) -> LogDeterminant:
     n = len(c)
     x, gamma = schur_column(c)
     logs = np.log1p(-(gamma.real**2 + gamma.imag**2))
-    of_errors = float(np.arange(n - 1, 0, -1.0) @ logs)  # All of them are negative.
+    of_errors = float(np.arange(n - 1, 0, -1.0) @ logs)  # All terms are negative.
     of_variance = n * float(np.log(c[0].real))
     rounding = EPS * (abs(of_variance) - of_errors)
-    # No prediction error is more wrong than the last one, 1/x₀. That may be right by chance, but
-    # hardly all numbers of x.
+    # The last prediction error, 1/x₀, has the largest error. It may be right by chance, but hardly
+    # all entries of x.
     wrong = float(np.abs(x - column.x).max()) / float(column.x[0].real)
-    # Where the column could not be corrected it is this one, and proves nothing.
+    # If the column could not be corrected it is the same, and proves nothing.
     of_column = EPS if column.residual is None else column.error
     return LogDeterminant(of_variance + of_errors, SAFETY * (n * (wrong + of_column) + rounding))
 
 
 def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
-    """Return log det A = n log e + Σ k |ℓₖ|², where log a = Σ ℓₖ zᵏ; None if A⁻¹ is not positive.
+    """Return log det A = n log e + Σ k |ℓₖ|² with log a = Σ ℓₖ zᵏ; None if A⁻¹ is not positive.
 
-    The series is computed from so many samples that its last terms are small, as what is cut off is
-    of their size, and what wraps around too; but from at most so many.
+    The number of samples is increased, up to `most`, until the last terms of the series are small:
+    they bound both the truncation and the aliasing error.
     """
     polynomial = column.polynomial
     if not polynomial.certify(most).positive:
@@ -209,7 +209,7 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
     a, part, doubt = _divide_by_real_zero(polynomial.coefficients)
     if part:
         series = _Series.of(a, round(LONG_SAMPLES * n))
-    else:  # Enough for smooth covariances, and taken already.
+    else:  # The default samples suffice for smooth covariances.
         series = _Series.on(polynomial.circle, polynomial.slopes / polynomial.values)
     best = None
     while True:
@@ -218,7 +218,7 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
         rounding += (column.error + EPS) * doubt
         found = LogDeterminant(value, series.error + rounding)
         if best is not None and not found.error < 0.5 * best.error:
-            return best  # What is left is the rounding of the transforms.
+            return best  # The rest is rounding of the transforms.
         best, samples = found, 3 * series.samples // 2
         if series.error <= 0.1 * GOAL * abs(value) + rounding or samples > most:
             return best
@@ -226,7 +226,7 @@ def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
 
 
 class _Series(NamedTuple):
-    """The sum Σ |sₖ|²/k of the series z a'/a = Σ sₖ zᵏ, where sₖ = k ℓₖ, k = 1 … N - 1.
+    """The sum Σ |sₖ|²/k for the series z a'/a = Σ sₖ zᵏ, where sₖ = k ℓₖ, k = 1 … N - 1.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ class _Series(NamedTuple):
         N.
     total : float
     error : float
-        A bound of what is cut off, and of what wraps around.
+        A bound of the truncation and aliasing errors.
     """
 
     samples: int
@@ -243,7 +243,7 @@ class _Series(NamedTuple):
 
     @classmethod
     def of(cls, a: Array, samples: int) -> "_Series":
-        """Compute the series on a circle of a radius r < 1, on which it wraps around as rᴺ sₖ₊ₙ."""
+        """Compute the series on a circle of a radius r < 1, where the aliases are rᴺ sₖ₊ₙ."""
         n, circle = len(a), circle_of(samples, a.dtype)
         growth = _powers(-log(WRAPPED) / circle.points, circle.points)
         damped = a / growth[:n]
@@ -255,7 +255,7 @@ class _Series(NamedTuple):
     def on(
         cls, circle: Circle, values: Array, growth: Array | float = 1.0, wrapped: float = 1.0
     ) -> "_Series":
-        """Compute the series from values of z a'/a, on a circle on which it does not grow so."""
+        """Compute the series from values of z a'/a on a circle, whose radius `growth` undoes."""
         length = circle.points
         k, eighth = np.arange(float(length)), max((length - 1) // 8, 1)
         s = circle.coefficients(values, length)
@@ -279,25 +279,25 @@ def _powers(exponent: float, number: int) -> Array:
 
 
 def _divide_by_real_zero(a: Array) -> tuple[Array, float, float]:
-    """Return ã = a/(1 - ρ z) and what Σ k ℓₖ² has more for a than for ã; a itself and 0 if none.
+    """Return ã = a/(1 - ρ z), the difference of Σ k ℓₖ² between a and ã, and its sensitivity.
 
-    The third is by how much larger the error of that is than the relative error of the numbers a:
-    next to the circle it is that of the distance of the zero, which is a difference of them.
-
-    1/ρ is the real zero of a next to the unit circle. The polynomials of covariances of long memory
-    have one within 1/n of it, which makes the series long; but its part -ρᵏ/k is known.
+    1/ρ is the real zero of a nearest to the unit circle. Polynomials of long-memory covariances
+    have one within 1/n of it, which makes the series long; its part -ρᵏ/k is known. If there is no
+    such zero, a itself and 0 are returned. The sensitivity is the ratio of the error of the
+    difference to the relative error of the entries of a: near the circle the distance of the zero
+    is a difference of these.
     """
     if a.dtype.kind == "c":
         return a, 0.0, 0.0
-    if a[1::2].sum() > 0.0:  # Then |a(-1)| < |a(1)|.
+    if a[1::2].sum() > 0.0:  # |a(-1)| < |a(1)|.
         a = a.copy()
-        a[1::2] *= -1.0  # The zero is negative. This changes the signs of every second ℓ only.
+        a[1::2] *= -1.0  # The zero is negative: reflect it. Only every second ℓ changes its sign.
     distance = _find_zero_beyond_one(a)
     if distance is None:
         return a, 0.0, 0.0
     doubt = 2.0 * float(np.abs(a).sum() / abs(a.sum()))
     powers = _powers(-distance, len(a))
-    # These sums of coefficients from the last one on do not cancel, where all but a₀ are negative.
+    # These sums, from the last coefficient on, do not cancel if all but a₀ are negative.
     sums = np.cumsum((a / powers)[:0:-1])[::-1]
     a = -sums * powers[:-1]
     part = -2.0 * float(np.log(a @ powers[:-1])) - float(np.log(-np.expm1(-2.0 * distance)))
@@ -305,10 +305,10 @@ def _divide_by_real_zero(a: Array) -> tuple[Array, float, float]:
 
 
 def _find_zero_beyond_one(a: Array) -> float | None:
-    """Return the logarithm of the real zero above 1 next to it, by Newton's method, or None.
+    """Return the logarithm of the smallest real zero above 1, by Newton's method, or None.
 
-    The polynomials of covariances of long memory are 1 minus a sum with positive coefficients,
-    concave and decreasing for z > 0: the first step goes beyond the zero, and the others come back.
+    The polynomials of long-memory covariances are 1 minus a sum with positive coefficients, concave
+    and decreasing for z > 0: the first step overshoots the zero, and the others converge to it.
     """
     k = np.arange(float(len(a)))
     distance, last = 0.0, np.inf
@@ -321,7 +321,7 @@ def _find_zero_beyond_one(a: Array) -> float | None:
         if not 0.0 < distance + step < FAR / len(a):
             return None
         distance += step
-        # Steps that are small and shrink no more are rounding.
+        # Small steps that no longer shrink are rounding errors.
         if abs(step) <= (4.0 * EPS if abs(step) < 0.5 * last else 1e-6) * distance:
             break
         last = abs(step)

@@ -1,7 +1,7 @@
 """The polynomial a(z) = Σ xₖ zᵏ/x₀ of the column x = A⁻¹ e₁, on the unit circle.
 
-Its values are taken once, for all that follows from them: whether A⁻¹ is positive definite, the
-sums of its diagonals, and the logarithm of det A (`toeplitz_mg.solvers.szego`).
+Its values are computed once. They tell whether A⁻¹ is positive definite, and give the sums of its
+diagonals and the logarithm of det A (`toeplitz_mg.solvers.szego`).
 """
 
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.columns.circle import OVERSAMPLING, Certificate, Circle, circle_of
 
-MOST_SAMPLES = 16  # Samples for each unknown beyond which other ways take no longer.
+MOST_SAMPLES = 16  # Most samples per unknown; with more, other methods are as fast.
 
 
 @dataclass(frozen=True)
 class SzegoPolynomial:
-    """The polynomial a = x/x₀, of a column whose first entry is positive.
+    """The polynomial a = x/x₀ of a column with a positive first entry.
 
     Attributes
     ----------
@@ -28,12 +28,12 @@ class SzegoPolynomial:
 
     @cached_property
     def coefficients(self) -> Array:
-        """Those of a."""
+        """The coefficients of a."""
         return np.asarray(self.x / self.x[0].real)
 
     @cached_property
     def circle(self) -> Circle:
-        """So many points that a correlation does not wrap around."""
+        """A circle with so many points that a correlation does not wrap around."""
         return circle_of(2 * len(self.x) - 1, self.x.dtype)
 
     @cached_property
@@ -48,12 +48,12 @@ class SzegoPolynomial:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Whether A⁻¹ is positive definite, if so many samples tell."""
+        """Whether A⁻¹ is positive definite, as far as `MOST_SAMPLES` per unknown tell."""
         certificate = Certificate.of_values(self.coefficients, self.circle, self.values)
         return self._resolve(certificate, OVERSAMPLING, MOST_SAMPLES * len(self.x))
 
     def certify(self, most: int) -> Certificate:
-        """Return the certificate, from up to so many samples where fewer do not tell."""
+        """Return the certificate, with up to `most` samples if fewer do not decide."""
         return self._resolve(self.certificate, 4 * MOST_SAMPLES, most)
 
     def _resolve(self, certificate: Certificate, samples: int, most: int) -> Certificate:
@@ -67,8 +67,8 @@ class SzegoPolynomial:
         """Σ_i (A⁻¹)_(i,i+k), k = 0 … n - 1.
 
         By the Gohberg-Semencul formula it is Σ_p (n - k - 2p) x_p x̄_(p+k)/x₀. The weight is the
-        mean of n - 2p and n - 2(p + k): so it is the mean of the correlations of (n - 2p) x_p with
-        x and of x with that, whose values on the circle are conjugate to each other.
+        mean of n - 2p and n - 2(p + k). So it is the mean of the correlations of (n - 2p) x_p with
+        x and of x with that, whose values on the circle are complex conjugates.
         """
         a, slopes, n = self.values, self.slopes, len(self.x)
         products = a.real * (n * a.real - 2.0 * slopes.real)
