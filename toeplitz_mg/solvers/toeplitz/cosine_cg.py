@@ -1,10 +1,10 @@
 """CG for symmetric positive definite Toeplitz matrices in the domain of the DCT-II.
 
-There the preconditioner is a diagonal, and a small matrix for groups of frequencies, or for some
-columns; an iteration takes four transforms, or six where the length is slow.
-A and the preconditioner commute with the flip of a vector, which in that domain changes the sign of
-every second number: the even and the odd part of a vector never mix, and each has scalars, and so
-a CG, of its own. That saves a quarter of the iterations.
+There the preconditioner is a diagonal matrix plus a small matrix for the lowest frequencies, or a
+matrix of low rank. An iteration takes four transforms, or six if the length is slow. A and the
+preconditioner commute with the flip of a vector, which in that domain changes the sign of every
+second entry. So the even and the odd part of a vector never mix, and each has its own CG scalars.
+This saves a quarter of the iterations.
 """
 
 from operator import le
@@ -18,43 +18,43 @@ from toeplitz_mg.engine.vectors import PART, norm
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm, alternate
 from toeplitz_mg.solvers.toeplitz.cosine_inverse import precondition
 
-ROUNDING = EPS / 16  # Least error of a product, over ‖A‖ ‖x‖.
-MOST_ITERATIONS = 24  # Most iterations: symbols that the inverse suits take up to 20 to 1e-12.
+ROUNDING = EPS / 16  # Least error of a product, relative to ‖A‖ ‖x‖.
+MOST_ITERATIONS = 24  # Most iterations; suitable symbols take up to 20 to reach 1e-12.
 
 
 class CosineSolver:
-    """Solves systems of one matrix.
+    """A solver for systems with one matrix.
 
     Parameters
     ----------
     form : CosineForm
-        Of the matrix A.
+        The matrix A.
     size : float
-        A bound of ‖A‖.
+        An upper bound of ‖A‖.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the approximate inverse is not positive definite.
+        If the approximate inverse is not positive definite.
     """
 
     def __init__(self, form: CosineForm, size: float) -> None:
-        # Where the signs of x and b alternate, a zero at θ = π is one at θ = 0.
+        # With alternating signs in x and b, a zero at θ = π becomes one at θ = 0.
         self._alternates = form.has_zero_at_end
         self._form = form.alternated() if self._alternates else form
         self._rounding = ROUNDING * size
         self._M = precondition(self._form)
 
     def solve(self, B: Rows, rtol: float) -> tuple[Rows, int]:
-        """Return solutions for rows by the recurrence for the residual, and the iterations.
+        """Return solutions for rows, and the number of iterations.
 
-        It ends where the residual is `rtol` times the right-hand side, or as small as rounding
-        errors.
+        The iteration ends when the residual of the recurrence is `rtol` times the right-hand side,
+        or as small as rounding errors.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            Where A is not positive definite, or the iteration does not converge soon.
+            If A is not positive definite, or the iteration does not converge soon.
         """
         form = self._form
         R = form.transform(alternate(B) if self._alternates else B)
@@ -63,19 +63,19 @@ class CosineSolver:
         return alternate(X) if self._alternates else X, iterations
 
     def _iterate(self, R: Rows, rtol: float) -> tuple[Rows, int]:
-        """Iterate from zero, in the domain of the transform; R becomes the residual.
+        """Iterate from zero in the transformed domain; R becomes the residual.
 
-        If A is shorter than that, what X, P and Z have outside of the middle is multiplied by zero:
-        it changes neither R nor inner products with R.
+        If A is shorter than m, entries of X, P and Z outside the middle are multiplied by zero, and
+        change neither R nor inner products with R.
         """
         form, M = self._form, self._M
         X, P, Z, Q = np.zeros_like(R), np.zeros_like(R), np.empty_like(R), np.empty_like(R)
-        # BLAS has every second number of a vector in fewer calls than NumPy.
+        # BLAS processes every second entry of a vector in fewer calls than NumPy.
         r, x, p, z = (V.reshape(-1) for V in (R, X, P, Z))
         rows, parts = R.size // form.m, _parts(R.size, form.m)
         sizes = squares = [norm(row) ** 2 for row in R.reshape(rows, -1)]
         for part, pieces in enumerate(parts):
-            # Of a part that is rounding alone the scalars would be too, and it would not converge.
+            # A part that is only rounding errors would not converge: set it to zero.
             if _dot(r, r, pieces) <= (64.0 * EPS) ** 2 * sizes[part // 2]:
                 for n, k in pieces:
                     dscal(0.0, r, n, k, 2)
@@ -88,7 +88,7 @@ class CosineSolver:
             M.apply(R, out=Z)
             for part, pieces in enumerate(parts):
                 last, of_z[part] = of_z[part], _dot(r, z, pieces)
-                # Where a vector has no such part, it stays zero.
+                # A part that is zero in the right-hand side stays zero.
                 factor = of_z[part] / last if last else 0.0
                 for n, k in pieces:
                     dscal(factor, p, n, k, 2)
@@ -112,9 +112,9 @@ class CosineSolver:
 
 
 def _parts(size: int, m: int) -> list[list[tuple[int, int]]]:
-    """Return the even and the odd part of each row, in pieces so short that BLAS has one thread.
+    """Return the even and the odd part of each row, in pieces short enough for one BLAS thread.
 
-    Of each piece it is told how many numbers it has, and where the first of them is.
+    A piece is given by its number of entries and the position of the first.
     """
     return [
         [(min(PART, (m + 1 - k) // 2), row + k) for k in range(parity, m, 2 * PART)]
@@ -124,7 +124,7 @@ def _parts(size: int, m: int) -> list[list[tuple[int, int]]]:
 
 
 def _dot(x: Array, y: Array, pieces: list[tuple[int, int]]) -> float:
-    """Return the inner product of a part of two vectors."""
+    """Return the inner product of one part of two vectors."""
     total = 0.0
     for n, k in pieces:
         total += ddot(x, y, n, k, 2, k, 2)

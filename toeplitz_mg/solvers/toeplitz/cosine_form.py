@@ -1,9 +1,9 @@
-"""A symmetric Toeplitz matrix, and what approximates its inverse, in the domain of the DCT-II.
+"""A symmetric Toeplitz matrix and its approximate inverse, in the domain of the DCT-II.
 
-With C the DCT-II and S the DST-II A is ½ (Cᵀ Λ C + Sᵀ Λ' S), where Λ and Λ' are samples of one
-function: the eigenvalues of any circulant of twice the size that has the lags of A. So C A Cᵀ is
-½ (Λ + C Sᵀ Λ' S Cᵀ), whose product takes four transforms of real vectors, and six where the vector
-is in the middle of a fast length.
+With the DCT-II C and the DST-II S, A = ½ (Cᵀ Λ C + Sᵀ Λ' S). Λ and Λ' are samples of one function:
+the eigenvalues of any circulant of twice the size with the lags of A. So C A Cᵀ = ½ (Λ + C Sᵀ Λ' S
+Cᵀ). Its product takes four transforms of real vectors, or six if the vector is padded to a fast
+length.
 
 References
 ----------
@@ -24,26 +24,26 @@ from toeplitz_mg.engine.lengths import work_of_transform
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.symbol import SPIKE
 
-ENDED = 1e-13  # The last two coefficients, over the first, below which those that follow are zero.
-# Work of a transform over that of a longer, faster one, above which six of these were measured to
-# be sooner there than four of the others. (Large factors cost somewhat more than their sum.)
+ENDED = 1e-13  # Lags beyond the last are zero if the last two, over the first, are below this.
+# A longer fast length is used if the work of a transform exceeds that of the fast one by this
+# factor: six fast transforms then take less time, as measured, than four slow ones.
 SLOW = 1.4
-# Sample of the symbol over the largest, below which it has a zero: those of (2 - 2 cos θ)² next to
-# the lowest frequencies are so small from some 6000 unknowns on.
+# The symbol has a zero if a sample, relative to the largest, is below this. The lowest samples of
+# (2 - 2 cos θ)² are so small from some 6000 unknowns on.
 ZERO = 1e-7
 
 
 class Points(NamedTuple):
-    """Frequencies πk/m, and what the entries of C A Cᵀ there are made of (see `choose_points`).
+    """Frequencies πk/m, and factors for the entries of C A Cᵀ there (see `choose_points`).
 
     Attributes
     ----------
     frequencies : ndarray of shape (2, k), int
-        Even numbers, and odd ones.
+        Even and odd numbers.
     kernel : ndarray of shape (2, k, k)
         Its columns times the sums of sines, plus the transpose, are the entries.
     of_diagonal : ndarray of shape (2, k)
-        Times the sums of sines it is taken from Fejér's for the diagonal.
+        Its products with the sums of sines are subtracted from Fejér's sums on the diagonal.
     """
 
     frequencies: Array
@@ -52,10 +52,10 @@ class Points(NamedTuple):
 
 
 def choose_points(m: int, frequencies: Array) -> Points:
-    """Return what belongs to these frequencies for a length m, for sums S_i = -2 Σ c_j sin jθ_i.
+    """Return the factors for these frequencies and the length m, with S_i = -2 Σ c_j sin jθ_i.
 
-    C A Cᵀ has the entries (e_i v_j - v_i e_j)/(cos θ_i - cos θ_j) where i - j is even and not zero,
-    with e_i = w_i cos θ_i/2 and v_i = w_i S_i sin θ_i/2.
+    For even i - j ≠ 0 the entries of C A Cᵀ are (e_i v_j - v_i e_j)/(cos θ_i - cos θ_j), with
+    e_i = w_i cos θ_i/2 and v_i = w_i S_i sin θ_i/2.
     """
     rows, columns = np.s_[:, :, np.newaxis], np.s_[:, np.newaxis]
     e, v, sine = _factors(m, frequencies)
@@ -69,7 +69,7 @@ def choose_points(m: int, frequencies: Array) -> Points:
 
 
 def _factors(m: int, frequencies: Array) -> tuple[Array, Array, Array]:
-    """Return what entries of C A Cᵀ are made of: e, v without the sums of sines, and sin θ/2."""
+    """Return the factors of entries of C A Cᵀ: e, v without the sums of sines, and sin θ/2."""
     weights = np.sqrt(np.where(frequencies, 2.0, 1.0) / m)
     half_angles = np.pi / (2 * m) * frequencies
     sine = np.sin(half_angles)
@@ -77,7 +77,7 @@ def _factors(m: int, frequencies: Array) -> tuple[Array, Array, Array]:
 
 
 def _differences(sine: Array, sine_at: Array) -> Array:
-    """Return half of cos θ' - cos θ from sin θ/2 and sin θ'/2, without cancellation."""
+    """Return (cos θ' - cos θ)/2 from sin θ/2 and sin θ'/2, without cancellation."""
     difference: Array = sine - sine_at
     difference *= sine + sine_at
     return difference
@@ -85,14 +85,14 @@ def _differences(sine: Array, sine_at: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def all_frequencies(m: int) -> Array:
-    """Return the factors of entries at all frequencies, even ones and odd ones: (3, 2, half)."""
+    """Return the factors of entries at all frequencies, even and odd ones, shape (3, 2, half)."""
     return np.stack([by_parity(factor) for factor in _factors(m, np.arange(m))])
 
 
 def by_parity(x: Array) -> Array:
-    """Return even numbers of a vector in one row, and odd ones in another, with a zero if need be.
+    """Return the even and the odd entries of a vector as two rows, shape (2, half).
 
-    The shape is (2, half).
+    A zero is appended if need be.
     """
     rows = np.zeros((2, (len(x) + 1) // 2))
     rows[0], rows[1, : len(x) // 2] = x[::2], x[1::2]
@@ -102,22 +102,22 @@ def by_parity(x: Array) -> Array:
 class CosineForm:
     """A symmetric Toeplitz matrix by cosine transforms of a fast length.
 
-    That length m is n, or where n is a slow one, a longer one with the vector in its middle: the
-    flip of the long vector is then that of the short one.
+    The length m is n if that is fast. Otherwise the vector is in the middle of a longer one, whose
+    flip then is that of the vector.
 
     Parameters
     ----------
     c : ndarray of shape (n,), float64
-        First column, with n of 3 at least.
+        First column, with n ≥ 3.
 
     Attributes
     ----------
     samples : ndarray of shape (m + 1,)
         The eigenvalues at θ = πk/m of the circulant of size 2 m.
     has_ended : bool
-        Whether the lags that A has not are zero, but for rounding.
+        Whether the lags beyond those of A are zero up to rounding.
     has_zero, has_zero_at_end : bool
-        Whether the symbol has a zero at θ = 0, or one at θ = π.
+        Whether the symbol has a zero at θ = 0, or at θ = π.
     """
 
     def __init__(self, c: Array) -> None:
@@ -131,16 +131,16 @@ class CosineForm:
         before, last = c[-2:].tolist()
         slope = last - before
         self.has_ended = max(abs(before), abs(last)) <= ENDED * abs(float(c[0]))
-        # The lags of c, and m - n + 1 that A has not, for which any numbers are right: they follow
-        # the parabola that is flat at the last of them, or are zero where c tells of no slope.
+        # The circulant has m - n + 1 lags more than A, which may have any values: use the parabola
+        # that is flat at the last one, or zero if c defines no slope.
         lags = np.zeros((2, 2 * m))
         cosines, of_fejer = lags[:, : m + 1]
         cosines[:n] = c
         if abs(slope) <= SPIKE * abs(last):
             t = np.arange(1.0, m - n + 2)
             cosines[n:] = last + slope * t * (1.0 - t / (2.0 * (m - n + 1)))
-        # Each as often as the circulant has it. Their cosines are the samples; their sines are for
-        # entries of C A Cᵀ, and for those on its diagonal the cosines with Fejér's weights.
+        # Count each lag as often as the circulant has it. The sums of cosines are the samples.
+        # Entries of C A Cᵀ need the sums of sines, diagonal ones those of cosines by Fejér.
         cosines[1:m] *= 2.0
         np.multiply(cosines, 1.0 - np.arange(m + 1) / m, out=of_fejer)
         count_transforms(2, 2 * m)
@@ -148,14 +148,14 @@ class CosineForm:
         self.samples = sums.real.copy()
         self._sines, self._of_fejer = sums.imag.copy(), of_fejer.real.copy()
         self._half = 0.5 * self.samples
-        # Each sample for the real and for the imaginary part of its frequency.
+        # Repeat each sample for the real and the imaginary part of its frequency.
         self._packed = np.repeat(self.samples, 2)[1:-1]
         self.has_zero = bool(self.samples[0] <= ZERO * self.samples[-1])
         z, y, x, w = self.samples[-4:].tolist()
-        self.has_zero_at_end = w + x < (x + 2.0 * y + z) / 4.0  # Means there and two before it.
+        self.has_zero_at_end = w + x < (x + 2.0 * y + z) / 4.0  # The end lies below the mean there.
 
     def alternated(self) -> "CosineForm":
-        """Return the form of D A D, whose symbol is f(π - θ): every second lag has another sign."""
+        """Return the form of D A D, D = diag(±1), with the symbol f(π - θ)."""
         return CosineForm(alternate(self._c))
 
     def multiply(self, X: Rows) -> Rows:
@@ -168,21 +168,21 @@ class CosineForm:
         return packed_irfft(Y, overwrite_x=True)[..., : self.n]
 
     def transform(self, X: Rows) -> Rows:
-        """Return rows of length n in the domain of the transform, of length m."""
+        """Return the transforms, of length m, of rows of length n."""
         count_transforms(X.size // self.n, self.m)
         extended = np.zeros((*X.shape[:-1], self.m))
         extended[..., self.middle] = X
         return dct(extended, 2)
 
     def transform_back(self, Y: Rows) -> Rows:
-        """Return the rows of length n that rows in the domain of the transform stand for."""
+        """Return the rows of length n with these transforms."""
         count_transforms(Y.size // self.m, self.m)
         return dct(Y.copy(), 3)[..., self.middle]
 
     def multiply_transformed(self, P: Rows, memory: Rows) -> Rows:
-        """Multiply rows in the domain of the transform by A: of longer ones, the middle.
+        """Multiply transformed rows by A, which acts on the middle of longer vectors.
 
-        The product may be in `memory`, of the shape of P, whose numbers are lost.
+        The product may be returned in `memory`, of the shape of P, which is overwritten.
         """
         if self.m > self.n:
             memory[...] = 0.0
@@ -198,7 +198,7 @@ class CosineForm:
         return Y
 
     def entries(self, points: Points) -> Array:
-        """Return the entries of C A Cᵀ at some frequencies, shape (2, k, k): even ones, and odd."""
+        """Return the entries of C A Cᵀ at some frequencies, even and odd ones, shape (2, k, k)."""
         S = self._sines[points.frequencies]
         N = points.kernel * S[:, np.newaxis]
         B = N + N.swapaxes(1, 2)
@@ -208,23 +208,23 @@ class CosineForm:
 
     @cached_property
     def _parts(self) -> Array:
-        """The parts e and v of the entries of C A Cᵀ, and sin θ/2."""
+        """The factors e and v of the entries of C A Cᵀ, and sin θ/2."""
         parts = all_frequencies(self.m).copy()
         parts[1] *= by_parity(self._sines[:-1])
         return parts
 
     def rows(self, frequencies: Array) -> Array:
-        """Return some rows of C A Cᵀ, whose frequencies are of one parity, at all others of it.
+        """Return some rows of C A Cᵀ at all frequencies of the same parity.
 
         Parameters
         ----------
         frequencies : ndarray of shape (k,), int
-            All of them even, or all odd.
+            All even, or all odd.
 
         Returns
         -------
         ndarray of shape (k, half)
-            On the diagonal there are zeros: its entries are for `entries` to give.
+            The entries on the diagonal are zero; use `entries` for them.
         """
         parity, at = int(frequencies[0]) % 2, frequencies // 2
         here = np.arange(len(at)), at
@@ -239,7 +239,7 @@ class CosineForm:
 
 
 def alternate(X: Rows) -> Rows:
-    """Return rows of which every second number has another sign."""
+    """Return rows with the sign of every second entry changed."""
     Y = X.copy()
     Y[..., 1::2] *= -1.0
     return Y
@@ -247,11 +247,11 @@ def alternate(X: Rows) -> Rows:
 
 @lru_cache(maxsize=64)
 def fast_length(n: int) -> int:
-    """Return n, or where its transforms are slow, a length that is above it by an even number."""
+    """Return n, or a longer length of the same parity if transforms of length n are slow."""
     m = next(m for m in count(n, 2) if is_smooth(m))
     return n if work_of_transform(n) <= SLOW * work_of_transform(m) else m
 
 
 def is_smooth(m: int) -> bool:
-    """Whether a length has no prime factor above 7, and so the fastest transforms."""
+    """Whether a length has no prime factor above 7, so that transforms are fastest."""
     return 210**16 % m == 0

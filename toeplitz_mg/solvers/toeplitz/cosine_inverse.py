@@ -1,15 +1,14 @@
-"""Approximate inverses of a symmetric Toeplitz matrix, in the domain of the DCT-II.
+"""Approximate inverses of a symmetric Toeplitz matrix in the domain of the DCT-II.
 
-There the matrix is D + K: samples of the symbol D, and entries K that change slowly with both
-frequencies, but near the lowest, where zeros and poles of the symbol are. `ApproximateInverse`
-inverts it exactly for the lowest frequencies, and takes D for the others.
+There the matrix is D + K with samples D of the symbol. The entries of K change slowly with both
+frequencies, except near the lowest ones, where the symbol may have zeros and poles.
+`ApproximateInverse` inverts the block of the lowest frequencies exactly, and uses D for the others.
 
-Of coefficients that are zero from some lag on, or that decay so far, K is -C H Cᵀ with a Hankel
-matrix H of the lags that reach beyond the ends. For an exponential, and for all autoregressive
-processes and Matérn's covariances of half-integer smoothness, that has a rank of a few, and nearly
-so for a Gaussian. `LowRankInverse` makes K of some of its columns: those that a pivoted elimination
-of its entries at some frequencies chooses. The formula of Sherman, Morrison and Woodbury inverts
-D + K.
+If the coefficients end or decay far enough, K is -C H Cᵀ with a Hankel matrix H of the lags that
+reach beyond the ends. For exponentials, all autoregressive processes and Matérn covariances of
+half-integer smoothness it has a rank of a few, and nearly so for a Gaussian. `LowRankInverse`
+builds K from some of its columns, chosen by a pivoted elimination of its entries at some
+frequencies. The Sherman-Morrison-Woodbury formula inverts D + K.
 
 References
 ----------
@@ -30,25 +29,25 @@ from toeplitz_mg.operators.positivity import is_positive
 from toeplitz_mg.solvers.toeplitz.cosine_form import ZERO, CosineForm, Points, choose_points
 from toeplitz_mg.solvers.toeplitz.sizes import LOW_RANK
 
-LOWEST = 32  # Lowest pairs of frequencies, an even and an odd one, that are inverted exactly.
+LOWEST = 32  # Lowest pairs of frequencies (an even and an odd one) that are inverted exactly.
 MOST = 10  # Most columns of each parity.
-# Pairs of frequencies that are looked at: so many at an end, and others from there to the middle.
+# Numbers of candidate pairs of frequencies: next to an end, and from there to the middle.
 NEAR = 18, 22
-# Diagonal of what is left of K, over D, at the frequencies that are looked at. It leaves CG one to
-# three iterations, but up to 13 of Gaussians times a cosine, whose peak is between these.
+# Largest diagonal of the rest of K, relative to D, at the candidates. With it CG takes one to three
+# iterations, but up to 13 for a Gaussian times a cosine, whose peak may lie between candidates.
 SMALL = 1e-6
 
 
 def precondition(form: CosineForm) -> "ApproximateInverse | LowRankInverse":
-    """Return what approximates the inverse: of low rank beside D where that is to be had.
+    """Return an approximate inverse: D plus a matrix of low rank if possible.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where it is not positive definite.
+        If it is not positive definite.
     """
-    # Where the symbol has a zero, D has no inverse. Of a vector in the middle of a longer one the
-    # inverse is a block of another one.
+    # If the symbol has a zero, D has no inverse. For a padded vector the inverse would be a block
+    # of that of another matrix.
     if form.has_ended and not form.has_zero and form.m == form.n >= LOW_RANK:
         with suppress(np.linalg.LinAlgError):
             return LowRankInverse(form)
@@ -56,7 +55,7 @@ def precondition(form: CosineForm) -> "ApproximateInverse | LowRankInverse":
 
 
 class ApproximateInverse:
-    """The inverse of C A Cᵀ for the lowest frequencies, and of its diagonal for others.
+    """The inverse of C A Cᵀ for the lowest frequencies, and of its diagonal for the others.
 
     Attributes
     ----------
@@ -68,7 +67,7 @@ class ApproximateInverse:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where it is not positive definite.
+        If it is not positive definite.
     """
 
     def __init__(self, form: CosineForm) -> None:
@@ -84,21 +83,21 @@ class ApproximateInverse:
             self.of_lowest[parity::2, parity::2] = invert(B[parity])
 
     def apply(self, R: Rows, out: Rows) -> None:
-        """Multiply rows by it."""
+        """Multiply rows by the approximate inverse."""
         np.multiply(R, self.diagonal, out=out)
         lowest = np.s_[..., : len(self.of_lowest)]
         out[lowest] = R[lowest].dot(self.of_lowest)
 
 
 def _diagonal(form: CosineForm, lowest: Array) -> Array:
-    """Return D, whose first entries are given: samples of the symbol at the other frequencies."""
+    """Return D: the given lowest entries, and samples of the symbol at the other frequencies."""
     D = np.empty(form.m)
     D[: len(lowest)] = lowest
     others, f = D[len(lowest) :], form.samples[len(lowest) - 1 :]
     if form.has_ended and f[0] > ZERO * f.max():
-        others[...] = f[1:-1]  # A differs from its symbol by a matrix of small rank only.
+        others[...] = f[1:-1]  # A differs from its symbol only by a matrix of low rank.
     else:
-        # Lags that are cut off add (-1)^k times something smooth: a mean of neighbours has not.
+        # Cut-off lags add (-1)^k times a smooth function, which a mean of neighbours removes.
         np.multiply(f[1:-1], 2.0, out=others)
         others += f[:-2]
         others += f[2:]
@@ -113,19 +112,19 @@ def _lowest(m: int) -> Points:
 
 
 class LowRankInverse:
-    """The inverse of D + K for a `CosineForm`, with K from some of its columns.
+    """The inverse of D + K for a `CosineForm`, with K built from some of its columns.
 
     Attributes
     ----------
     diagonal : ndarray of shape (m,)
         The inverse of D.
     ranks : tuple of int
-        Columns of even frequencies, and of odd ones.
+        The numbers of columns with even and with odd frequencies.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where it is not positive definite, or K not of so low a rank.
+        If it is not positive definite, or the rank of K is too large.
     """
 
     def __init__(self, form: CosineForm) -> None:
@@ -144,12 +143,12 @@ class LowRankInverse:
 
     @property
     def ranks(self) -> tuple[int, ...]:
-        """Columns of even frequencies, and of odd ones."""
+        """The numbers of columns with even and with odd frequencies."""
         ranks = {parity: len(V) for parity, V, _ in self._parts}
         return ranks.get(0, 0), ranks.get(1, 0)
 
     def apply(self, R: Rows, out: Rows) -> None:
-        """Multiply rows by it."""
+        """Multiply rows by the approximate inverse."""
         np.multiply(R, self.diagonal, out=out)
         m = len(self.diagonal)
         for r, z in zip(R.reshape(-1, m), out.reshape(-1, m), strict=True):
@@ -162,16 +161,16 @@ class LowRankInverse:
 
 
 def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:
-    """Return even frequencies whose columns make K, and odd ones, with the diagonal of K there.
+    """Return the even and the odd frequencies whose columns build K, with the diagonal of K there.
 
-    K is eliminated at some frequencies, of which the next one is where the diagonal of what is left
-    is largest beside D.
+    K is eliminated at the candidate frequencies. The next pivot is where the diagonal of the rest
+    is largest relative to D.
     """
     points = _candidates(form.m)
     found = []
     for K, frequencies in zip(form.entries(points), points.frequencies, strict=True):
         d = D[frequencies]
-        rest = K.reshape(-1)[:: len(K) + 1]  # The diagonal of what is left of K.
+        rest = K.reshape(-1)[:: len(K) + 1]  # The diagonal of the rest of K.
         rest -= d
         diagonal, scale = rest.copy(), 1.0 / d
         chosen: list[int] = []
@@ -193,7 +192,7 @@ def _choose(form: CosineForm, D: Array) -> list[tuple[Array, Array]]:
 
 @lru_cache(maxsize=64)
 def _candidates(m: int) -> Points:
-    """Return the frequencies that K is eliminated at, more of them near both ends."""
+    """Return the candidate frequencies for the elimination of K, denser near both ends."""
     pairs = m // 2
     steps = _steps(pairs // 2, *NEAR)
     numbers = np.unique(np.append(steps, pairs - 1 - steps))
@@ -201,16 +200,17 @@ def _candidates(m: int) -> Points:
 
 
 def _steps(end: int, first: int, others: int) -> Array:
-    """Return so many first numbers from 0 on, and others at growing distances up to an end."""
+    """Return the `first` numbers from 0 on, and `others` at growing distances up to `end`."""
     first = min(first, end)
     return np.append(np.arange(first), np.geomspace(first, end, others).round().astype(int))
 
 
 def _eliminate(U: Array, at: Array) -> Array:
-    """Make of rows of K, in place, those of which K is Uᵀ S U, and return the signs in S.
+    """Replace rows of K, in place, by a U with K = Uᵀ S U, and return the signs in S.
 
-    Each row has what the others have left of it. The last of them are as small as rounding errors
-    of the first: the entries of K at all of them would have lost their inverse.
+    Each row becomes the rest that the previous ones leave of it. The last ones are as small as the
+    rounding errors of the first, so the inverse of the entries of K at all pivots would be
+    inaccurate.
     """
     signs = np.empty(len(U))
     for k, j in enumerate(at.tolist()):
@@ -223,14 +223,14 @@ def _eliminate(U: Array, at: Array) -> Array:
 
 
 def _invert_small(signs: Array, U: Array, V: Array) -> Array:
-    """Return W with (D + Uᵀ S U)⁻¹ = D⁻¹ - Vᵀ W V, where V is U D⁻¹, and S has these signs.
+    """Return W with (D + Uᵀ S U)⁻¹ = D⁻¹ - Vᵀ W V, where V = U D⁻¹ and S has these signs.
 
-    W⁻¹ is S + U D⁻¹ Uᵀ. By the inertia of the Schur complements of [[D, Uᵀ], [U, -S]] the sum is
-    positive definite where W⁻¹ has as many negative eigenvalues as S. If it has not, a LinAlgError
-    is raised.
+    W⁻¹ is S + U D⁻¹ Uᵀ. By the inertia of the Schur complements of [[D, Uᵀ], [U, -S]], D + Uᵀ S U
+    is positive definite if W⁻¹ has as many negative eigenvalues as S. Otherwise a LinAlgError is
+    raised.
     """
     inner = np.diag(signs)
-    for k in range(0, U.shape[-1], PART):  # So short that BLAS has one thread.
+    for k in range(0, U.shape[-1], PART):  # So short that BLAS uses one thread.
         inner += np.vecdot(U[:, np.newaxis, k : k + PART], V[:, k : k + PART])
     eigenvalues, Q = np.linalg.eigh((inner + inner.T) / 2.0)
     if not eigenvalues.all() or np.count_nonzero(eigenvalues < 0.0) != np.count_nonzero(signs < 0):

@@ -1,4 +1,4 @@
-"""Toeplitz systems on arrays of other libraries than NumPy's, as on a GPU: by iterations."""
+"""Toeplitz systems on arrays of other libraries than NumPy, for example on a GPU, by iterations."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,16 +21,16 @@ from toeplitz_mg.solvers.toeplitz.refinement import ILL_CONDITIONED, RTOL, Solve
 from toeplitz_mg.solvers.toeplitz.traced import solve_traced
 from toeplitz_mg.values import is_foreign, is_traced
 
-MAXITER = 500  # Most iterations of conjugate gradients, and half as many cycles of GMRES.
+MAXITER = 500  # Most iterations of CG, and of GMRES.
 
 
 def solve_elsewhere(
     c_or_cr: Any, b: Any, rtol: float | None, on_numpy: Callable[..., Any]
 ) -> tuple[Any, SolveInfo]:
-    """Solve a system whose arrays are of another library, and lie where x is to be.
+    """Solve a system with arrays of another library; x is on the same device.
 
-    What iterations do not solve to 1e-8 is left to `on_numpy`, on the processor. Inside `jax.jit`
-    and `jax.grad` that solves by a callback.
+    If the iterations do not reach 1e-8, `on_numpy` solves the system on the processor. Inside
+    `jax.jit` and `jax.grad` a callback calls it.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def solve_elsewhere(
     ValueError
         For a batch, and for shapes that do not match.
     numpy.linalg.LinAlgError
-        By `on_numpy`.
+        If `on_numpy` raises it.
     """
     given = c_or_cr if isinstance(c_or_cr, tuple) else (c_or_cr,)
     if is_traced(b, *given):
@@ -72,7 +72,7 @@ def solve_elsewhere(
 
 
 def _precondition(A: ToeplitzOperator) -> Any:
-    """Return a preconditioner: of a matrix that is not definite a circulant, for GMRES."""
+    """Return a preconditioner; for a matrix that is not definite a circulant, for GMRES."""
     if A.is_hermitian:
         with suppress(np.linalg.LinAlgError):
             return default_preconditioner(A)
@@ -80,7 +80,7 @@ def _precondition(A: ToeplitzOperator) -> Any:
 
 
 def _solve(A: ToeplitzOperator, b: Any, M: Any, rtol: float) -> tuple[Any, SolveInfo]:
-    """Solve for one right-hand side: by CG, and by GMRES where that does not converge."""
+    """Solve for one right-hand side by CG, and by GMRES if that does not converge."""
     size, tried = A.vectors.norm(b), []
     ways: list[tuple[str, Any, int]] = [("cg", cg, MAXITER), ("gmres", gmres, MAXITER // 20)]
     for name, iterate, most in ways[not A.is_hermitian :]:

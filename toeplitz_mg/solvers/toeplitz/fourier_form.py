@@ -1,8 +1,9 @@
-"""A Toeplitz matrix of any kind, and circulants that approximate it, in the Fourier domain.
+"""A Toeplitz matrix of any kind, and circulant preconditioners, in the Fourier domain.
 
-A Toeplitz matrix is half the sum of a circulant and of a skew-circulant, in which the lags k - n
-have the other sign. In that domain the one is a diagonal, as what preconditions is, and the other
-takes four transforms: of real vectors of length n two of these, and two of half that length.
+A Toeplitz matrix is half the sum of a circulant and a skew-circulant, in which the lags k - n have
+the opposite sign. In the Fourier domain the circulant and the preconditioner are diagonal. The
+skew-circulant takes four transforms; for real vectors of length n two of these have half that
+length.
 """
 
 from collections.abc import Callable
@@ -21,17 +22,17 @@ ROOT = np.sqrt(2.0)
 
 
 def has_fourier_form(n: int) -> bool:
-    """Whether a matrix of this size has the form: an even one with fast transforms, at once."""
+    """Whether a matrix of this size has the form: an even fast length, short enough."""
     return n % 2 == 0 and 2 * n <= LONG and near_fast_length(n) == n
 
 
 class FourierForm:
-    """A Toeplitz matrix as F A Fᴴ, with F the unitary Fourier transform.
+    """A Toeplitz matrix as F A Fᴴ, with the unitary Fourier transform F.
 
-    The transform of a real vector is kept as n real numbers in the order of FFTPACK: that of the
-    frequency 0, then the real and the imaginary part of each other one, and that of n/2 last. The
-    two ends are divided by √2, as each other frequency stands for two. So inner products are, but
-    for a factor, those of the vectors.
+    The transform of a real vector is stored as n real numbers in the order of FFTPACK: the
+    frequency 0, then the real and imaginary part of each other one, and n/2 last. Both ends are
+    divided by √2, because each other frequency stands for two. Inner products are kept up to a
+    factor.
 
     Parameters
     ----------
@@ -58,23 +59,23 @@ class FourierForm:
         self.A = Multiplication(n, c.dtype, self._multiply)
 
     def inverse(self, eigenvalues: Array) -> "_Diagonal":
-        """Return the inverse of a circulant in that domain, where it is a diagonal.
+        """Return the inverse of a circulant, a diagonal matrix in that domain.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            Where an eigenvalue is zero.
+            If an eigenvalue is zero.
         """
         require_nonzero(eigenvalues, self.A.dtype, "the circulant has the eigenvalue", "gmres")
         values = 1.0 / eigenvalues
         return _Diagonal(values if self._is_complex else _pack(values), self.A.dtype)
 
     def multiply(self, X: Rows) -> Rows:
-        """Multiply rows by A, in no domain but their own."""
+        """Multiply rows by A, outside of that domain."""
         return self.transform_back(self.A.apply(self.transform(X)))
 
     def transform(self, X: Rows) -> Rows:
-        """Return rows in the domain of the transform."""
+        """Return the transforms of rows."""
         count_transforms(X.size // self.n, self.n)
         if self._is_complex:
             return fft(X) / np.sqrt(self.n)
@@ -83,7 +84,7 @@ class FourierForm:
         return Z
 
     def transform_back(self, Z: Rows) -> Rows:
-        """Return the rows that rows in the domain of the transform stand for."""
+        """Return the rows with these transforms."""
         count_transforms(Z.size // self.n, self.n)
         if self._is_complex:
             return ifft(Z) * np.sqrt(self.n)
@@ -92,7 +93,7 @@ class FourierForm:
         return packed_irfft(X, overwrite_x=True)
 
     def _multiply(self, X: Rows, out: Rows) -> Rows:
-        """Multiply rows in the domain of the transform by A, into `out`, which may be `X`."""
+        """Multiply transformed rows by A, into `out`, which may be `X`."""
         count_transforms(4 * (X.size // self.n), self.n)
         if self._is_complex:
             x = ifft(X)
@@ -119,7 +120,7 @@ class FourierForm:
     def _fold(self, x: Rows) -> Rows:
         """Return rows whose transforms are those of `x` at the frequencies k + 1/2.
 
-        Of real rows they are those for even k alone, of half the length: the others are their
+        For real rows only those with even k are returned, of half the length; the others are their
         conjugates.
         """
         if self._is_complex:
@@ -139,13 +140,13 @@ def _pack(z: Array) -> Array:
 
 
 class _Diagonal:
-    """A circulant in the domain of the transform, by its eigenvalues in the order of that."""
+    """A circulant in the transformed domain, given by its eigenvalues in the same order."""
 
     vectors = VECTORS
 
     def __init__(self, eigenvalues: Array, dtype: np.dtype[np.generic]) -> None:
         self.dtype, self.shape = dtype, 2 * (len(eigenvalues),)
-        # Real numbers times complex ones would be cast in each product, which takes as long.
+        # A cast of real numbers in each product with complex ones would take as long as that.
         self._eigenvalues = eigenvalues.astype(np.result_type(eigenvalues, dtype), copy=False)
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
@@ -162,7 +163,7 @@ class _Diagonal:
 
 
 class Multiplication:
-    """A matrix whose products a function gives: ``multiply(X, out)`` for rows."""
+    """A matrix given by the function ``multiply(X, out)`` for rows."""
 
     vectors = VECTORS
 

@@ -1,7 +1,7 @@
-"""Which method solves a Toeplitz system, and why: a table that is read from top to bottom.
+"""Which method solves a Toeplitz system, and why: a table, read from top to bottom.
 
-The first row that fits a system, and whose set-up is not refused, solves it. The next one is asked
-for only where the residual of that solution is too large (see `refinement`).
+The first row that fits a system, and whose set-up is not refused, solves it. The next one is tried
+only if the residual of that solution is too large (see `refinement`).
 """
 
 from collections.abc import Callable, Mapping
@@ -49,27 +49,27 @@ from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 
 Solve = Callable[[Rows, float], tuple[Rows, int]]  # ``solve(B, rtol)``: solutions and iterations.
 
-ACCEPTED = 1e4 * EPS  # Backward error of an answer where no other method has a better one: 2e-12.
-# Shift of the diagonal over the 2-norm of all coefficients. Of skew-symmetric matrices, and of odd
-# lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with one ten times as large; with
-# one ten times less Trench's recursion loses more digits than some of them can spare.
+ACCEPTED = 1e4 * EPS  # Largest backward error of a solution if no other method is better: 2e-12.
+# Shift of the diagonal relative to the 2-norm of all coefficients. For skew-symmetric matrices and
+# for odd lags alone, GMRES takes 5 to 16 iterations with it, and 8 to 45 with ten times the shift.
+# With a tenth of it, Trench's recursion loses more digits than some of them can spare.
 SHIFT = 1e-4
-# ‖b - A x‖/‖b‖ at which rounding may have stopped GMRES, and above which any x is corrected.
+# ‖b - A x‖/‖b‖ at which rounding may have stopped GMRES; a solution above it is always corrected.
 ROUGH = 1e-6
 
 
 @dataclass(frozen=True)
 class Patience:
-    """For how many iterations a method is worth waiting, before the next one is sooner there."""
+    """The number of iterations after which the next method is likely to be faster."""
 
     most: int
-    expected: Mapping[int, float]  # ‖b - A x‖/‖b‖ that is to be reached after so many iterations.
+    expected: Mapping[int, float]  # ‖b - A x‖/‖b‖ to be reached after so many iterations.
 
 
 OF_CG = Patience(60, {10: 1e-2, 20: 1e-5})
-# It converges sooner and sooner. So many vectors take 240 MiB in 2^20 real unknowns.
+# GMRES converges faster and faster. These vectors take 240 MiB for 2^20 real unknowns.
 OF_GMRES = Patience(30, {8: 0.5, 15: 1e-2, 20: 1e-5})
-AT_LAST = Patience(100, {})  # What follows takes n³ steps, or there is nothing.
+AT_LAST = Patience(100, {})  # The only alternative takes n³ steps, or there is none.
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,14 +80,14 @@ class Method:
     ----------
     name : str
     why : str
-        Why it is taken for the systems that it fits.
+        Why it is used for the systems that it fits.
     fits : callable
-        ``fits(system)``: whether it is worth trying.
+        ``fits(system)`` tells whether it is worth trying.
     make : callable
-        ``make(system)`` returns what solves, or raises a LinAlgError where it is refused.
+        ``make(system)`` returns a solver, or raises a LinAlgError if it is refused.
     is_substitution : bool
-        Whether each row of the system is solved in its turn, so that each holds but for rounding of
-        its own terms, however large x is.
+        Whether the rows of the system are solved one after the other. The residual of each row is
+        then a rounding error of its own terms, however large x is.
     """
 
     name: str
@@ -104,20 +104,20 @@ class Method:
 
 
 def is_triangle(s: ToeplitzSystem) -> bool:
-    """Whether there are diagonals on one side of the main one only."""
+    """Whether all diagonals lie on one side of the main one."""
     return min(s.widths) == 0 and (1 + max(s.widths)) * s.n <= LARGEST_BAND
 
 
 def has_many_columns(s: ToeplitzSystem) -> bool:
-    """Whether LU is faster than a recursion: its set-up takes n³ steps, but a column few."""
+    """Whether LU is faster than a recursion: its set-up takes n³ steps, but a column only few."""
     return s.n < RECURSIVE and s.columns >= 4 + s.n // 32
 
 
 def is_for_cosines(s: ToeplitzSystem) -> bool:
-    """Whether CG in the DCT domain is faster than an inverse, and than Levinson's recursion.
+    """Whether CG in the DCT domain is faster than an inverse and than Levinson's recursion.
 
-    That takes n² steps for each column. CG there takes calls, which cost as much as three columns
-    of `SHORT` numbers, and a time in proportion to the numbers.
+    That takes n² steps per column. CG takes the time of three columns of `SHORT` numbers for its
+    calls, plus a time proportional to the numbers.
     """
     size = s.n / SHORT
     is_few = s.columns <= FEW or s.columns**2 * s.n <= COSINE_LIMIT
@@ -131,7 +131,7 @@ def is_for_cg(s: ToeplitzSystem) -> bool:
 
 
 def is_for_inverse(s: ToeplitzSystem) -> bool:
-    """Whether many columns are worth the set-up of the inverse, or nothing else is left."""
+    """Whether many columns are worth the set-up of the inverse, or no other method is left."""
     if s.is_hermitian:
         return s.columns * s.n**2 > RECURSIVE**2 and s.has_positive_means
     return s.n >= GENERAL and s.columns > FEW and s.has_symbol
@@ -145,9 +145,9 @@ def is_for_gmres(s: ToeplitzSystem) -> bool:
 
 
 def is_for_levinson(s: ToeplitzSystem) -> bool:
-    """Whether Levinson's recursion is the faster one, or loses fewer digits than others do.
+    """Whether Levinson's recursion is faster, or loses fewer digits than other methods.
 
-    Where A is definite it loses none that another method would have.
+    If A is definite it loses no more digits than they do.
     """
     if has_many_columns(s):
         return False
@@ -156,12 +156,12 @@ def is_for_levinson(s: ToeplitzSystem) -> bool:
 
 
 def levinson_is_faster_than_trench(s: ToeplitzSystem) -> bool:
-    """Whether one recursion for each column is faster than Trench's for all."""
+    """Whether one recursion per column is faster than Trench's recursion for all."""
     return s.n < (RECURSIVE if s.is_complex or s.columns > 1 else GENERAL)
 
 
 def is_for_trench(s: ToeplitzSystem) -> bool:
-    """Whether Trench's recursion is the faster one, and n² steps are not too many."""
+    """Whether Trench's recursion is faster, and n² steps are not too many."""
     is_slow = s.n > LARGEST_RECURSIVE and s.has_symbol
     return not levinson_is_faster_than_trench(s) and not is_slow
 
@@ -172,10 +172,10 @@ def is_for_trench(s: ToeplitzSystem) -> bool:
 def _substitute(s: ToeplitzSystem) -> Solve:
     below, above = s.widths
     column = (s.r if above else s.c)[: 1 + max(below, above)].copy()
-    column[0] = s.c[0]  # The first number of r may be anything.
+    column[0] = s.c[0]  # r[0] may have any value.
     band = np.repeat(column[:, None], s.n, axis=1)
     (solve,) = get_lapack_funcs(("tbtrs",), dtype=s.c.dtype)
-    turn = -1 if above else 1  # Of the reversed unknowns it is lower.
+    turn = -1 if above else 1  # With reversed unknowns an upper triangle becomes a lower one.
 
     def substitute(B: Rows, rtol: float) -> tuple[Rows, int]:
         X, info = solve(band, B[..., ::turn].T, uplo="L")
@@ -207,7 +207,7 @@ def _factor_band(s: ToeplitzSystem) -> Solve:
 
 
 def _factor_definite_tridiagonal(s: ToeplitzSystem) -> Callable[[Array], Array] | None:
-    """Return what solves for columns, or None where the matrix is not real or not definite."""
+    """Return a solver for columns, or None if the matrix is not real or not definite."""
     if s.is_complex:
         return None
     d, e, info = dpttrf(np.full(s.n, s.c[0]), np.full(s.n - 1, s.c[1]), True, True)
@@ -216,7 +216,7 @@ def _factor_definite_tridiagonal(s: ToeplitzSystem) -> Callable[[Array], Array] 
 
 def _factor_dense(s: ToeplitzSystem) -> Solve:
     getrf, getrs = _lapack(s.c.dtype.char)
-    # It is that of the transpose, whose columns are the rows of the filled matrix.
+    # Factorise the transpose, because LAPACK's columns are the rows of the filled matrix.
     lu, pivots, info = getrf(s.fill().T, overwrite_a=True)
     if info > 0:
         raise np.linalg.LinAlgError("A is singular")
@@ -243,10 +243,10 @@ def _invert_by_recursion(s: ToeplitzSystem) -> Solve:
 
 
 def _iterate_shifted(s: ToeplitzSystem) -> Solve:
-    """Return GMRES with the inverse of A and a small shift.
+    """Return GMRES with the inverse of A plus a small shift.
 
-    No leading block of A + ε I is as singular as one of A may be. Only the few eigenvalues of A
-    that are not large beside ε are left to the iteration.
+    A leading block of A + ε I is less singular than one of A may be. GMRES has to resolve only the
+    few eigenvalues of A that are not large compared to ε.
     """
     c = s.c.copy()
     c[0] += SHIFT * norm(s.lags)
@@ -263,9 +263,10 @@ def _cg_with_circulant(s: ToeplitzSystem) -> Solve:
 
 
 def _gmres_with_circulant(s: ToeplitzSystem) -> Solve:
-    # A circulant is that of its own samples.
+    # A near-circulant is inverted with its own samples.
     eigenvalues = s.samples if s.wraps_around else away_from_zero(s.samples, s.c.dtype)
-    # Of one column it is not given up for Trench's recursion: what has been iterated is lost then.
+    # For one column GMRES is not abandoned for Trench's recursion, which would waste its
+    # iterations.
     most = s.n if s.columns == 1 else max(1, s.n // (ITERATION * s.columns))
     patience = Patience(min(OF_GMRES.most, most), OF_GMRES.expected)
     return _with_circulant(s, partial(_gmres, patience=patience), eigenvalues)
@@ -277,7 +278,7 @@ def _gmres_with_chan(s: ToeplitzSystem) -> Solve:
 
 
 def _with_circulant(s: ToeplitzSystem, solve: Any, eigenvalues: Array | None) -> Solve:
-    """Return an iteration, in the Fourier domain where products are fast there.
+    """Return an iteration, in the Fourier domain if products are fast there.
 
     Its preconditioner is the inverse of the circulant with these eigenvalues, or none.
     """
@@ -307,12 +308,12 @@ def _iterate(
     B: Rows,
     rtol: float,
 ) -> tuple[Rows, int]:
-    """Solve for each row of B, and return the most iterations of all.
+    """Solve for each row of B, and return the largest number of iterations.
 
     Raises
     ------
     LinAlgError
-        Where that converges too slowly, to a relative residual above `useful`.
+        If it converges too slowly, to a relative residual above `useful`.
     """
     X, most = np.empty_like(B), 0
     for x, b in zip(np.atleast_2d(X), np.atleast_2d(B), strict=True):
@@ -372,7 +373,7 @@ METHODS = (
     ),
     Method(
         "cg",
-        "Hermitian, with eigenvalues that are alike, but for a few that CG finds by itself",
+        "Hermitian, with equal eigenvalues except a few, which CG resolves",
         lambda s: is_for_cg(s) and s.has_flat_means,
         lambda s: _with_circulant(s, partial(_cg, patience=OF_CG), None),
     ),

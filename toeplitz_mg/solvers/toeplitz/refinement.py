@@ -1,4 +1,4 @@
-"""A solution by the method that is chosen, and the residual that corrects it or refuses it."""
+"""Solve by the chosen method; the residual corrects the solution or refuses it."""
 
 from math import inf, sqrt
 from typing import NamedTuple
@@ -12,15 +12,15 @@ from toeplitz_mg.solvers.toeplitz.methods import ACCEPTED, METHODS, RECURSION, R
 from toeplitz_mg.solvers.toeplitz.sizes import CORRECTED, GENERAL, LARGEST_DENSE, SHORT
 from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 
-RTOL = 1e-12  # Relative residual that is to be reached, if none is asked for.
-ROUNDING = 16 * EPS  # Backward error at which no correction can be expected to help.
-GOOD = 64 * EPS  # Backward error at which no other method is tried.
-# Relative residual, and ε √n ‖a‖₁ ‖x‖/‖b‖ where that is not small, above which there is no answer.
+RTOL = 1e-12  # Default tolerance for the relative residual.
+ROUNDING = 16 * EPS  # Backward error below which corrections do not help.
+GOOD = 64 * EPS  # Backward error below which no other method is tried.
+# Largest relative residual of a solution, and largest ε √n ‖a‖₁ ‖x‖/‖b‖ if that is not small.
 SINGULAR = 0.1
 ILL_CONDITIONED = 1e-8  # Relative residual above which the user is warned.
-UNEVEN = 0.01  # Terms of the sums over ‖a‖₁ ‖x‖ below which they are what rounding is relative to.
-CORRECTION = 1e-2  # Relative residual to which a correction is solved for.
-MOST = 4  # Corrections, beyond which another method is tried: each takes as long as the solution.
+UNEVEN = 0.01  # Terms below this share of ‖a‖₁ ‖x‖ bound the rounding more closely.
+CORRECTION = 1e-2  # Relative residual to which a correction is solved.
+MOST = 4  # Most corrections before another method is tried; each takes as long as the solution.
 
 
 class SolveInfo(NamedTuple):
@@ -52,24 +52,24 @@ class SolveInfo(NamedTuple):
 
 
 class Found(NamedTuple):
-    """How a system is solved, and whether few digits of x may be right, which is warned of."""
+    """The `SolveInfo` of a system, and whether a warning is needed that x may have few digits."""
 
     info: SolveInfo
     is_doubtful: bool = False
 
 
 class Attempt(NamedTuple):
-    """What one method has found.
+    """The result of one method.
 
     Attributes
     ----------
     X : ndarray
     found : Found
     is_good : bool
-        Whether no other method need be tried, as its errors are as small as rounding allows.
+        Whether no other method need be tried, because the errors are as small as rounding allows.
     is_answer : bool
-        Whether it may be returned where no method has a better one: it solves a system that differs
-        little from this one, and ‖x‖ is not that of a singular matrix.
+        Whether it may be returned if no method is better: it solves a system that differs little
+        from this one, and ‖x‖ does not show a singular matrix.
     """
 
     X: Rows
@@ -79,7 +79,7 @@ class Attempt(NamedTuple):
 
 
 def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Found]:
-    """Solve by the first method whose solutions, corrected, are good; or return the best of all."""
+    """Return the first good solution (after corrections) of the methods, or the best of all."""
     best: Attempt | None = None
     tried, names, is_solved = "", set[str](), False
     for method in METHODS:
@@ -95,7 +95,7 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Foun
         if attempt.is_answer and (best is None or info.residual < best.found.info.residual):
             best = attempt
         is_solved |= attempt.is_good
-        # Where the matrix is small, LU is worth a try for a smaller residual than a large one.
+        # LU may reduce the residual: try it for a small matrix, or for a large residual.
         is_for_lu = system.n <= SHORT or (system.n < GENERAL and info.residual > ROUGH)
         if attempt.is_good and not (is_doubtful and is_for_lu):
             break
@@ -112,12 +112,12 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Foun
 
 
 def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None) -> Attempt:
-    """Solve by a method, and correct the solution by that of its residual while this helps.
+    """Solve by a method, and correct the solution by its residual while that helps.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where the method is refused, or x so large that nothing is known of it.
+        If the method is refused, or x is so large that its residual is meaningless.
     """
     solve, sizes = method.make(system), system.sizes
     goal = RTOL if rtol is None else rtol
@@ -130,7 +130,7 @@ def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None
         errors, terms = system.measure(R), system.size * system.measure(X)
         residual, error = _largest(errors / sizes), _largest(errors / (terms + sizes))
         backward_error = error
-        noise = _largest(EPS * terms / sizes)  # Rounding of the residual itself, at most.
+        noise = _largest(EPS * terms / sizes)  # A bound of the rounding of the residual itself.
         if residual > goal or 2.0 * noise > ILL_CONDITIONED:
             R, errors, sharp = _measure_sharply(system, X, R, errors, terms)
             if sharp is not terms:
@@ -145,14 +145,14 @@ def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None
         if noise > ILL_CONDITIONED:
             residual = max(residual, rounding)
         if not residual < inf:
-            error = inf  # Beyond the largest number nothing is known of x.
+            error = inf  # After an overflow nothing is known about x.
         if not (error < least / 2 and residual <= reached):
-            break  # A correction that has made the residual larger is lost.
+            break  # Discard a correction that has increased the residual.
         best, least, least_noise, reached = X, error, noise, residual
         info = SolveInfo(method.name, iterations, max(residual, rounding), backward_error)
         if is_done := _is_enough(method, system, residual, error, rtol):
             break
-        # Each column is as good as can be, by one error or by the other.
+        # Stop if each column is as good as possible, by one error or by the other.
         if not (left and _largest((errors > goal * sizes) & (errors > ROUNDING * terms))):
             break
         correction, steps = solve(R, CORRECTION)
@@ -160,7 +160,7 @@ def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None
         iterations += steps
     is_doubtful = info.residual > max(ILL_CONDITIONED, goal)
     if is_doubtful and method.is_substitution:
-        # However large x is, rounding of each row may change it little.
+        # Rounding in each row may change x little, however large x is.
         is_doubtful = _changes(system, solve, best) > ILL_CONDITIONED
     found = Found(info, is_doubtful)
     if is_done or method.is_substitution:
@@ -173,11 +173,11 @@ def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None
 
 
 def _changes(system: ToeplitzSystem, solve: Solve, X: Rows) -> float:
-    """Return how much rounding of each row of a triangular system changes x, relative to ‖x‖.
+    """Return how much rounding in each row of a triangular system changes x, relative to ‖x‖.
 
-    Substitution makes an error of row i that is rounding of its terms, whose sizes add up to
-    (|A| |x|)ᵢ. Their signs here are those with which all of them add up in the last unknown of the
-    recursion, as in Skeel's condition number ‖|A⁻¹| |A| |x|‖/‖x‖.
+    The rounding error of row i in a substitution is relative to the size of its terms, (|A| |x|)ᵢ.
+    The signs are chosen such that all errors add up in the last unknown, as in Skeel's condition
+    number ‖|A⁻¹| |A| |x|‖/‖x‖.
     """
     n, above = system.n, system.widths[1]
     unit = np.zeros(n, system.c.dtype)
@@ -194,10 +194,10 @@ def _changes(system: ToeplitzSystem, solve: Solve, X: Rows) -> float:
 def _is_enough(
     method: Method, system: ToeplitzSystem, residual: float, error: float, rtol: float | None
 ) -> bool:
-    """Whether a solution with this residual and this backward error needs no correction.
+    """Whether a solution with this residual and backward error needs no correction.
 
-    Where no `rtol` is asked for, that of Levinson's recursion is left as it is if its backward
-    error is small, as to correct it takes another recursion. A small system is sooner worth one.
+    Without `rtol` the result of Levinson's recursion is not corrected if its backward error is
+    small, because a correction takes another recursion; that is cheaper for a small system.
     """
     if residual <= (RTOL if rtol is None else rtol):
         return True
@@ -208,7 +208,7 @@ def _is_enough(
 
 
 def _largest(values: Array | float) -> float:
-    """Return the largest of these numbers, NaN where one is; of truths, whether one is true."""
+    """Return the largest number, NaN if one is; for booleans, whether one is True."""
     return float(values.max()) if isinstance(values, np.ndarray) else values
 
 
@@ -217,12 +217,12 @@ def _measure_sharply(
 ) -> tuple[Rows, Array | float, Array | float]:
     """Return residuals, their norms, and the sizes of the terms that rounding is relative to.
 
-    Where the largest coefficients meet the smallest unknowns only, the residuals R by transforms
-    are too rough, with their norms, and what they can be at most, the given terms, is no limit.
+    If the largest coefficients meet only the smallest unknowns, the residuals R by transforms are
+    too inaccurate, and the given bound of the terms is too large.
     """
     if system.n > LARGEST_DENSE:
         return R, errors, terms
-    with np.errstate(all="ignore"):  # What over- or underflows is seen in the residual.
+    with np.errstate(all="ignore"):  # The residual shows overflow and underflow.
         sharp = system.sizes_of_terms(X)
         if not _largest(sharp < UNEVEN * terms):
             return R, errors, terms

@@ -1,30 +1,30 @@
-"""Sizes at which one way to solve a Toeplitz system becomes faster than another, in one table.
+"""Sizes at which one method for Toeplitz systems becomes faster than another, in one table.
 
-They are numbers of unknowns where nothing else is said. `python -m comparisons.drop_in` measures
-both sides of them. Which method is taken, and why, the table in `methods` says.
+They are numbers of unknowns unless stated otherwise. `python -m comparisons.drop_in` measures both
+sides of them. The table in `methods` says which method is used, and why.
 """
 
-SHORT = 512  # Up to it n² steps that are compiled take no longer than transforms: products too.
-CORRECTED = 256  # Most for which the answer of Levinson's recursion is soon corrected.
-# Fewest for Trench's recursion, of complex numbers or several columns; its square is how many steps
-# of Levinson's recursion, n² a column, take longer than the set-up of the inverse.
+SHORT = 512  # Most unknowns for which n² compiled steps are as fast as transforms.
+CORRECTED = 256  # Most unknowns for which correcting the result of Levinson's recursion is cheap.
+# Fewest unknowns for Trench's recursion with complex numbers or several columns. Above its square,
+# n² steps of Levinson's recursion per column take longer than the set-up of the inverse.
 RECURSIVE = 1024
-# Fewest for Trench's recursion of one real column, and for GMRES; most for Levinson's recursion in
-# the place of the superfast Schur algorithm.
+# Fewest unknowns for Trench's recursion with one real column, and for GMRES; most for Levinson's
+# recursion instead of the superfast Schur algorithm.
 GENERAL = 2048
-LARGEST_DENSE = 4096  # Most of a matrix that LU factorises: of 128 MiB.
-LARGEST_RECURSIVE = 20_000  # Most for which n² steps are taken after other methods have failed.
-PANELS = 2**16  # Fewest for which products in panels are faster than by transforms at once.
-LOW_RANK = 4096  # Fewest for which iterations that are saved take longer than columns of low rank.
+LARGEST_DENSE = 4096  # Most unknowns for an LU factorisation, which takes 128 MiB.
+LARGEST_RECURSIVE = 20_000  # Most unknowns for n² steps after other methods have failed.
+PANELS = 2**16  # Fewest unknowns for which products in panels are faster than whole transforms.
+LOW_RANK = 4096  # Fewest unknowns for which a low-rank inverse saves more than it costs.
 
 FEW = 2  # Most right-hand sides for which an inverse is not worth its set-up.
 COSINE_LIMIT = 80_000  # Most columns² n for which CG in the DCT domain is faster than the inverse.
-ITERATION = 64  # Unknowns with which Trench's recursion takes as long as an iteration of GMRES.
+ITERATION = 64  # Trench's recursion for this many unknowns takes as long as a GMRES iteration.
 
-# Most diagonals beside the main one of a band: for LAPACK, and for products; of a triangle twice as
-# many, as it needs no factors.
+# Most diagonals of a band besides the main one, for LAPACK and for products; twice as many for a
+# triangular matrix, which needs no factors.
 FEW_DIAGONALS = 32
-LARGEST_BAND = 2 * LARGEST_DENSE**2  # Most numbers of the diagonals of a band: 256 MiB.
+LARGEST_BAND = 2 * LARGEST_DENSE**2  # Most numbers in the diagonals of a band: 256 MiB.
 
-# Of many systems that are solved by one recursion:
-LARGEST_AT_ONCE = 64  # Above some 100 unknowns SciPy's recursion is as fast for each.
+# Most unknowns of systems solved by one joint recursion; above 100 SciPy is as fast for each.
+LARGEST_AT_ONCE = 64

@@ -1,4 +1,4 @@
-"""The drop-in for `scipy.linalg.solve_toeplitz`: it chooses, solves, and checks the answer."""
+"""Drop-in for `scipy.linalg.solve_toeplitz`: choose a method, solve, and check the solution."""
 
 import warnings
 from cmath import isfinite
@@ -33,7 +33,7 @@ from toeplitz_mg.solvers.toeplitz.sizes import CORRECTED, SHORT
 from toeplitz_mg.solvers.toeplitz.system import ToeplitzSystem
 from toeplitz_mg.values import is_foreign, real, refuse_masked
 
-AT_ONCE = "levinson for all at once"  # Name of the method of many small systems.
+AT_ONCE = "levinson for all at once"  # The method for many small systems.
 
 
 @overload
@@ -159,7 +159,7 @@ def solve_toeplitz(
         raise ValueError(f"on_singular is {on_singular!r}, but must be 'raise' or 'nan'")
     if c.size <= SHORT and (done := _solve_short(c, r, b, rtol)) is not None:
         return done if full_output else done[0]
-    with np.errstate(all="ignore"):  # It is seen in the residual.
+    with np.errstate(all="ignore"):  # The residual shows overflow.
         if is_batch:
             x, info, worst = _solve_batch(c, r, b, check_finite, rtol, on_singular)
         else:
@@ -168,7 +168,7 @@ def solve_toeplitz(
     if worst is not None:
         reason = "A is ill-conditioned, and x may have few correct digits"
         if rtol is None and worst.backward_error > GOOD:
-            reason = "the recursion has lost digits of x, and with rtol=1e-12 another corrects them"
+            reason = "the recursion has lost digits of x, and rtol=1e-12 corrects them"
         warnings.warn(
             f"‖b - A x‖/‖b‖ is {worst.residual:.1e} although x is the solution of a system that "
             f"differs from this one by {worst.backward_error:.1e}: {reason}",
@@ -216,7 +216,7 @@ def select_method(c_or_cr: Any, b: ArrayLike) -> Method:
     c, r, b = _read(c_or_cr, b)
     system = _arrange(c, r, b)
     if system is None:
-        raise ValueError(f"b has shape {b.shape}, but there is no method for no unknowns")
+        raise ValueError(f"b has shape {b.shape}, but must not be empty: there is nothing to solve")
     if not system.is_of_usual_size:
         system, _ = _scale(system)
     return next(method for method in METHODS if method.fits(system))
@@ -238,17 +238,17 @@ def _read(c_or_cr: Any, b: ArrayLike) -> tuple[Array, Array, Array]:
     elif c.dtype.kind == "c":
         r = c.conj()
     else:
-        r = c  # The same array: that A is symmetric needs no look at the numbers.
+        r = c  # The same array shows that A is symmetric, without a test of the numbers.
     return c, r, b
 
 
 def _numbers(values: ArrayLike, name: str) -> Array:
     if type(values) is np.ndarray and values.dtype in (np.float64, np.complex128):
-        return values  # In fewer calls than by what follows.
+        return values  # A short cut.
     if isinstance(values, LinearOperator) or issparse(values) or not is_serial(values):
         raise TypeError(
-            f"{name} is {values!r}, but must be an array: of a ToeplitzOperator A on one axis c is "
-            "A[:, 0], and r is A[0, :]; of a sparse matrix c is its first column as an array"
+            f"{name} is {values!r}, but must be an array: for a ToeplitzOperator A on one axis use "
+            "A[:, 0] for c and A[0, :] for r; for a sparse matrix its first column as an array"
         )
     array = check_numbers(name, refuse_masked(name, values))
     return array.astype(np.complex128 if array.dtype.kind == "c" else np.float64, copy=False)
@@ -257,9 +257,9 @@ def _numbers(values: ArrayLike, name: str) -> Array:
 def _solve_short(
     c: Array, r: Array, b: Array, rtol: float | None
 ) -> tuple[Array, SolveInfo] | None:
-    """Solve one small system by Levinson's recursion, or return None where that is not enough.
+    """Solve one small system by Levinson's recursion; return None if that is not enough.
 
-    `solve_system` does the same, and more, in thrice the calls, which are most of the time here.
+    `solve_system` does the same and more, but takes three times the calls, which dominate here.
     """
     if not (c.ndim == 1 and c.size > 0 and b.shape == c.shape == r.shape):
         return None
@@ -278,16 +278,16 @@ def _solve_short(
 def _solve_batch(
     c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None, on_singular: str
 ) -> tuple[Array, SolveInfo, SolveInfo | None]:
-    """Solve each system of a batch, whose shapes are broadcast.
+    """Solve each system of a batch, with broadcast shapes.
 
-    Return x, the arrays of what was done, and the worst of what is to be warned of.
+    Return x, the arrays of a `SolveInfo`, and the worst one if a warning is needed.
     """
     core = min(b.ndim, 2)
     shapes = f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but "
     if not c.shape[-1:] == r.shape[-1:] == b.shape[-core:][:1]:
         raise ValueError(
-            f"{shapes}all need one length n: the last axis of c, in a batch of one or more, and of "
-            "b, of shape (..., n, columns), the last but one"
+            f"{shapes}all must have one length n: on the last axis of c and, in a batch, of b with "
+            "the shape (..., n, columns), on the last but one"
         )
     try:
         batch = np.broadcast_shapes(c.shape[:-1], r.shape[:-1], b.shape[:-core])
@@ -335,7 +335,7 @@ def _solve_batch(
 def _solve_unless_singular(
     c: Array, r: Array, b: Array, check_finite: bool, rtol: float | None, on_singular: str
 ) -> tuple[Array, Found]:
-    """Solve one system; with "nan" what is refused is not a number."""
+    """Solve one system; return NaN for a refused system if `on_singular` is "nan"."""
     try:
         return _solve(c, r, b, check_finite, rtol)
     except np.linalg.LinAlgError:
@@ -361,7 +361,7 @@ def _solve(
     if system.is_of_usual_size and isfinite(r[0]):
         X, found = solve_system(system, rtol)
     elif system.is_complex and c.dtype == r.dtype == np.float64 and most_at_once:
-        # The real and the imaginary part of b may be of different sizes.
+        # The real and the imaginary part of b may have very different sizes.
         return _solve(c, r, b, check_finite, rtol, most_at_once=0)
     else:
         X, found = _solve_unusual(system, rtol, check_finite)
@@ -373,14 +373,14 @@ def _solve(
 
 
 def _arrange(c: Array, r: Array, b: Array, most_at_once: int = CORRECTED) -> ToeplitzSystem | None:
-    """Return the system with right-hand sides as rows; None where there are none.
+    """Return the system with right-hand sides as rows; None if there are none.
 
-    A real matrix is solved for the real and the imaginary parts side by side; one of at most
-    `most_at_once` unknowns for both parts of a single column at once, in fewer calls.
+    With a real matrix and a complex b, the real and imaginary parts are solved as separate rows. Up
+    to `most_at_once` unknowns a single column is solved as a complex one, in fewer calls.
     """
     if c.ndim != 1 or r.shape != c.shape or b.ndim == 0 or len(b) != len(c):
         raise ValueError(
-            f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but all need the length of c"
+            f"c has shape {c.shape}, r {r.shape} and b {b.shape}, but all must have the length of c"
         )
     if b.size == 0:
         return None
@@ -395,7 +395,7 @@ def _arrange(c: Array, r: Array, b: Array, most_at_once: int = CORRECTED) -> Toe
         B = np.concatenate([np.atleast_2d(B.real), np.atleast_2d(B.imag)])
     B = np.ascontiguousarray(B, dtype)
     if c[0].real < 0.0:
-        # The negative of both sides: that of a negative definite matrix is positive definite.
+        # Negate both sides, because a negative definite matrix becomes positive definite.
         B = -B
         c, r = (-c, -r) if r is not c else 2 * (-c,)
     if is_complex and (c.dtype.kind != "c" or r.dtype.kind != "c"):
@@ -406,9 +406,9 @@ def _arrange(c: Array, r: Array, b: Array, most_at_once: int = CORRECTED) -> Toe
 def _solve_unusual(
     system: ToeplitzSystem, rtol: float | None, check_finite: bool
 ) -> tuple[Rows, Found]:
-    """Solve a system scaled by powers of two, which changes no digit, if it is finite.
+    """Solve a system, if it is finite, after scaling by powers of two, which changes no digit.
 
-    So no norm and no transform over- or underflows.
+    Then no norm and no transform overflows or underflows.
     """
     c, r, B, parts = system.c, system.r, np.atleast_2d(system.B), system.parts
     for name, a in (("c", c), ("r", r if check_finite else r[1:]), ("b", B)):
@@ -419,7 +419,7 @@ def _solve_unusual(
         unknown = Found(SolveInfo("none", 0, np.nan, np.nan))
         X = np.full_like(B, np.nan)
         good = np.isfinite(B).all(axis=1)
-        if name == "b" and good.any():  # What is not finite is in some columns only.
+        if name == "b" and good.any():  # Only some columns are not finite.
             X[good], found = _solve_unusual(ToeplitzSystem(c, r, B[good]), rtol, check_finite)
             unknown = Found(found.info._replace(residual=np.nan, backward_error=np.nan))
         return X.reshape(system.B.shape), unknown
@@ -429,12 +429,12 @@ def _solve_unusual(
 
 
 def _scale(system: ToeplitzSystem) -> tuple[ToeplitzSystem, Array]:
-    """Return the system scaled by powers of two, and those of its solutions, as columns."""
+    """Return the system scaled by powers of two, and the powers of its solutions as a column."""
     c, r, B, parts = system.c, system.r, np.atleast_2d(system.B), system.parts
     of_A, of_B = exponents(np.concatenate([c, r[1:]])), exponents(B)
     scale = np.ldexp(1.0, -of_A)
     weights = None
-    if parts == 2:  # Those of the larger part are 1; a part that is zero has none.
+    if parts == 2:  # The weight of the larger part is 1; a part that is zero has none.
         powers = np.where(B.any(axis=1), of_B[:, 0], of_B.min()).reshape(2, -1)
         weights = np.ldexp(1.0, powers - powers.max(axis=0)).ravel()
     B = B * np.ldexp(1.0, -of_B)

@@ -10,7 +10,7 @@ from toeplitz_mg._typing import Array
 
 
 def solve_traced(given: tuple[Any, ...], b: Any, on_numpy: Callable[..., Any]) -> Any:
-    """Solve a real system of arrays that JAX traces; what has no solution is NaN.
+    """Return the solution of a real system traced by JAX; NaN if there is none.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def _solver(on_numpy: Callable[..., Any]) -> Any:
         return x, (c, r, x)
 
     def backward(saved: Any, w: Any) -> Any:
-        # With u = A⁻ᵀ w the derivative by an entry of A is -u xᵀ, to be summed over its diagonal.
+        # With u = A⁻ᵀ w the derivative by an entry of A is -u xᵀ; sum it over each diagonal.
         c, r, x = saved
         u, n = solve(r.at[0].set(c[0]), c, w), c.shape[0]
         f, g = (jnp.fft.rfft(a.reshape(n, -1), 2 * n, axis=0) for a in (x, u))
