@@ -142,10 +142,10 @@ def test_a_curve_without_contact_has_no_force_and_nothing_that_slips(shape):
 
 # Loads and steps ----------------------------------------------------------------------------------
 
-H = 0.05
-SPHERE = {"gap": surfaces.sphere((40, 40), (H, H), radius=1.0), "element": (H, H), "material": BODY}
-PRESSED = normal_contact(**SPHERE, force=0.1)
-PRESS = functools.partial(contact.load_curve, **SPHERE, forces=[0.02, 0.04, 0.08])
+H = 0.005
+SPHERE = {"gap": surfaces.sphere((40, 40), (H, H), radius=0.1), "element": (H, H), "material": BODY}
+PRESSED = normal_contact(**SPHERE, force=1e-3)
+PRESS = functools.partial(contact.load_curve, **SPHERE, forces=[2e-4, 4e-4, 8e-4])
 ROLL = functools.partial(contact.rolling_steps, PRESSED, mu=0.3, steps=3, longitudinal=-0.01)
 
 
@@ -185,18 +185,18 @@ def test_a_curve_is_a_table_a_dataset_and_a_file_of_its_results(make, tmp_path):
 
 def test_a_load_curve_has_the_exponent_of_hertz_and_steps_their_creepages():
     curve, figure = PRESS(), pytest.importorskip("matplotlib.figure").Figure()
-    (line, *_) = curve.plot(figure.subplots()).lines
+    (line, *_) = curve.plot(curve.plot(figure.subplots())).lines
     assert_allclose(
         np.diff(np.log(line.get_ydata())), 1.5 * np.diff(np.log(line.get_xdata())), 0.02
     )
     refuses(ValueError, "a load curve has no tangential forces", curve.plot, friction=1.0)
-    ax = ROLL(longitudinal=0.0, force=(0.01, 0.0)).plot(figure.add_subplot())
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("distance [mm]", "creepage [–]")
+    ax = ROLL(longitudinal=0.0, force=(1e-4, 0.0)).plot(figure.add_subplot())
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("distance [µm]", "creepage [–]")
     assert_allclose(ax.lines[0].get_xdata(), H * np.arange(1, 4))
 
 
 def test_a_load_that_fails_comes_after_those_that_do_not_and_fails_again():
-    curve = contact.load_curve(**SPHERE, forces=[0.0, 0.1], max_products=2)
+    curve = contact.load_curve(**SPHERE, forces=[0.0, 1e-3], max_products=2)
     assert next(curve).force == 0.0
     refuses(contact.ContactError, "products the conditions of contact", next, curve)
     refuses(RuntimeError, "no more than 1 of 2 points are there, as .*ContactError", curve.plot)

@@ -83,7 +83,8 @@ class Curve(Result):
         pictures.label_axis(ax.yaxis, up, columns[drawn[0]][1])
         largest = float(np.abs(values).max(initial=0.0))
         pictures.label_axis(ax.xaxis, over + " creepage" * (unit == "1"), unit, largest)
-        ax.ticklabel_format(axis="x", scilimits=(-2, 3))
+        if unit != "mm":  # Lengths are numbered in their own way.
+            ax.ticklabel_format(axis="x", scilimits=(-2, 3))
         ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         ax.legend()
         return ax
