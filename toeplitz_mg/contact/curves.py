@@ -91,21 +91,19 @@ class Curve(Result):
 
     def __repr__(self) -> str:
         """Return the first figures in one line."""
-        few = ", ".join(f"{figure.name} {figure.text}" for figure in self._figures()[:2])
-        return f"<{type(self).__name__} {self._extent}{': ' * bool(few)}{few}; {self._cost}>"
+        _, figures, cost, _ = self._summary()
+        few = ", ".join(f"{figure.name} {figure.text}" for figure in figures[:2])
+        return f"<{type(self).__name__} {self._extent}{': ' * bool(few)}{few}; {cost}>"
 
     def _summary(self) -> Summary:
         title = f"{self._title} of {self._extent}, from the first to the last"
-        return Summary(title, self._figures(), self._cost)
+        products = self._table(asks=False).get("products", 0)
+        return Summary(title, self._figures(), describe_cost(int(np.sum(products))))
 
     @property
     def units(self) -> dict[str, str]:
         """The units of the numbers, by their names."""
         return name_units(self)
-
-    @property
-    def _cost(self) -> str:
-        return describe_cost(int(np.sum(self._table(asks=False).get("products", 0))))
 
     @property
     def _extent(self) -> str:
