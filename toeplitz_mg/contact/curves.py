@@ -172,7 +172,7 @@ class Results(Curve, Generic[Kind]):
     keep: bool = True
 
     _kind: ClassVar[type]
-    _warns: ClassVar[bool] = False  # Of each result: others have been warned of at once.
+    _warns: ClassVar[bool] = False  # Whether each result warns; of steps the call does, once.
 
     def __post_init__(self) -> None:
         """Take the results of a file, or an iterator that computes them."""
@@ -240,7 +240,7 @@ class Results(Curve, Generic[Kind]):
             self._rows.append(_list_numbers(self.results.pop(), asks=False))
         self.results.append(result)
         if self._there == self.points:
-            self._coming = iter(())  # What was needed to compute them can go.
+            self._coming = iter(())  # The generator, and the fields it holds, can go.
         return result
 
     def _complete(self, needs_fields: str = "") -> None:
@@ -251,7 +251,7 @@ class Results(Curve, Generic[Kind]):
         while self._there < self.points:
             result = self._compute()
             if not self.keep:
-                _list_numbers(result, asks=True)  # The result keeps what it has computed.
+                _list_numbers(result, asks=True)  # The result keeps its stiffness from here on.
             if self._warns:
                 doubts.warn(result.warnings, within=1)
 

@@ -167,7 +167,7 @@ class Result(Described, Protected):
     save = files.save
 
     def _complete(self, needs_fields: str = "") -> None:
-        """Compute what is not there so far; it is said what needs the fields of all points."""
+        """Compute the points of a curve that are left, for what may need their fields."""
 
 
 class GridResult(Result):
