@@ -63,9 +63,8 @@ def test_every_field_is_drawn_with_its_unit(result, field):
         assert label == f"{field} [N/mm²]"
     elif field == "slip" and result.creepages is not None:
         assert label == "slip over distance rolled [–]"
-    else:  # What is small is numbered in smaller units.
-        is_small = np.abs(getattr(result, field)).max() < 0.1
-        assert label.endswith("[µm]" if is_small else "[mm]")
+    else:
+        assert label.endswith(("[mm]", "[µm]"))
     assert "x [mm]" in labels(ax)
     assert ax.get_title().startswith("P = " if result.stick is None else "F = ")
     assert ("μ P = " in ax.get_title()) == (result.stick is not None)
@@ -82,6 +81,13 @@ def test_what_is_zero_is_white_and_low_values_are_light():
     assert brightness[0] > 0.8
     assert brightness[0] > brightness[1] > brightness[2]
     assert brightness[0] < 0.95  # White is for what does not touch.
+
+
+def test_small_lengths_are_numbered_in_smaller_units():
+    for unit, count in (("µm", 1e3), ("nm", 1e6)):
+        (bar,) = draw(replace(PRESSED, gap=PRESSED.gap / count), "gap").child_axes
+        assert bar.get_ylabel() == f"gap [{unit}]"
+        assert bar.yaxis.get_major_formatter()(-3.0 / count) == "−3"
 
 
 @pytest.mark.parametrize("missing", [0, 5])
