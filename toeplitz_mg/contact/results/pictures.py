@@ -266,4 +266,4 @@ def _show_travel(ax: Any, height: float) -> None:
     arrow = {"arrowstyle": "-|>", "color": "#000000", "linewidth": 1.5}
     ends = {"xy": (0.19, height), "xytext": (0.02, height)}
     ax.annotate("", **ends, xycoords="axes fraction", arrowprops=arrow, annotation_clip=False)
-    ax.text(0.1, height + 0.015, "rolling", transform=ax.transAxes, ha="center", fontsize="small")
+    ax.text(0.02, height + 0.015, "rolling", transform=ax.transAxes, fontsize="small")
