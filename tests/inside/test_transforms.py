@@ -9,9 +9,8 @@ import scipy.fft
 from numpy.testing import assert_allclose
 from scipy.fft import next_fast_len
 
-from toeplitz_mg.engine.fourstep import FourStep, four_step
+from toeplitz_mg.engine.fourstep import FourStep
 from toeplitz_mg.engine.lengths import embedding_lengths, near_fast_length, near_square
-from toeplitz_mg.engine.panels import Panels
 
 # Rows and columns, width of a panel and height of a block; even and odd, whole blocks or not.
 PLANS = [(6, 8, 3, 4), (8, 6, 8, 8), (8, 5, 2, 3), (7, 9, 4, 2), (2, 7, 7, 1), (90, 6, 4, 1)]
@@ -19,7 +18,7 @@ each_plan = pytest.mark.parametrize("sizes", PLANS)
 
 
 def plan(rows, columns, width, height):
-    return Panels(FourStep(rows, columns, np.complex128, width=width, height=height))
+    return FourStep(rows, columns, np.complex128, width=width, height=height)
 
 
 def fourier(length, shift):
@@ -45,18 +44,6 @@ def test_a_spectrum_is_the_transform_and_its_parts_are_the_vector(sizes, shift):
     close(panels.in_order(panels.spectrum(x, None, shift)), F @ x)
 
 
-@pytest.mark.parametrize("sizes", [sizes for sizes in PLANS if sizes[0] * sizes[1] % 2 == 0])
-def test_sums_are_those_of_cosines_and_sines(sizes):
-    panels = plan(*sizes)
-    L = panels.length
-    a, angles = np.random.default_rng(0).standard_normal(L + 1), np.arange(L + 1) * np.pi / L
-    angles = np.outer(np.arange(L + 1), angles)
-    twice = np.where(np.arange(L + 1) % L == 0, 1.0, 2.0)
-    close(panels.cosine_sums(a), np.cos(angles) @ (twice * a))
-    a[[0, -1]] = 0.0
-    close(panels.sine_sums(a), 2.0 * np.sin(angles) @ a)
-
-
 @each_plan
 @pytest.mark.parametrize("is_complex", [False, True])
 @pytest.mark.parametrize("shifts", [(0.0,), (0.5, 0.0), (0.25, 0.5, 0.0), (0.5, 0.25, -0.5, 0.0)])
@@ -72,9 +59,9 @@ def test_products_in_turn_are_those_of_the_matrices(sizes, is_complex, shifts):
         F = fourier(L, shift)
         expected = (F.conj().T @ ((F @ (first[0] + 1j * first[1]))[:, None] * (F @ expected.T))).T
         expected = expected / L
-        factors.append((shift, panels.eigenvalues(panels.spectrum(*first, shift))))
+        factors.append(((shift,), [panels.eigenvalues(panels.spectrum(*first, shift))]))
     out = np.empty_like(x)
-    panels.multiply_in_turn(x, factors, out)
+    panels.multiply(x, factors, out)
     close(out, expected if is_complex else expected.real)
 
 
@@ -92,16 +79,16 @@ def test_products_with_vectors_that_are_shorter(sizes, missing):
         eigenvalues.append(panels.eigenvalues(panels.spectrum(column, None, shift)))
     x, y = rng.standard_normal((2, 2, n))
     out = np.empty_like(x)
-    panels.multiply_real(x, eigenvalues[0], out)
+    panels.multiply(x, [((0.25,), eigenvalues[:1])], out)
     close(out, (x @ matrices[0].T).real)
     z, out = x + 1j * y, np.empty((2, n), np.complex128)
-    panels.multiply_complex(z, tuple(eigenvalues[1:]), out)
+    panels.multiply(z, [((0.0, 0.5), eigenvalues[1:])], out)
     close(out, z @ (matrices[1] + matrices[2]).T)
 
 
 def test_rounding_neither_grows_with_the_blocks_nor_depends_on_who_does_them():
     """Factors of a block are made from those before, whichever a thread has begun with."""
-    panels = Panels(FourStep(2**11, 2**8, np.complex128, height=1))
+    panels = FourStep(2**11, 2**8, np.complex128, height=1)
     x = np.random.default_rng(0).standard_normal(panels.length)
     found = panels.spectrum(x, None, 0.0).copy()
     exact = scipy.fft.fft(x)
@@ -114,7 +101,7 @@ def test_rounding_neither_grows_with_the_blocks_nor_depends_on_who_does_them():
 @pytest.mark.parametrize("n", [2**17, 2**18, 2**20, 10**6 + 3, 2**24])
 def test_a_plan_is_hardly_longer_and_its_panels_use_all_of_the_cache(n):
     """Neighbours in a column of a panel are an odd number of cache lines apart."""
-    plan = four_step(n, np.complex128)
+    plan = FourStep(*near_square(n), np.complex128)
     assert n <= plan.length <= 1.02 * n
     assert plan.weights(0.25).nbytes <= 2**20
     assert plan.width * plan.dtype.itemsize // 64 % 2 == 1

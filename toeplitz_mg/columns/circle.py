@@ -2,8 +2,8 @@
 
 A real series of length up to m is evaluated at z = exp(-iθ), θ = 2π(k + 1/4)/m, k = 0 … m - 1. With
 their conjugates these are 2 m equidistant points with z²ᵐ = -1. They need one complex transform of
-length m, without the zero padding of a real transform of length 2 m, and `panels` makes long ones
-faster. A complex series is evaluated at the roots of unity.
+length m, without the zero padding of a real transform of length 2 m, and long ones are faster in
+four steps. A complex series is evaluated at the roots of unity.
 
 The values are in the order of the plan, which does not matter for elementwise operations.
 """

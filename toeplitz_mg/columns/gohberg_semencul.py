@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.fourstep import Factors
 from toeplitz_mg.engine.lengths import near_fast_length
 from toeplitz_mg.engine.products import multiply_rows
 from toeplitz_mg.engine.transforms import plan_of
@@ -19,8 +20,6 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.base import GridOperator
 from toeplitz_mg.values import refuse_masked
-
-Term = list[tuple[float, Array]]  # (shift, eigenvalues) of each factor, in order of application.
 
 
 class GohbergSemencul(GridOperator):
@@ -129,14 +128,14 @@ class GohbergSemenculProduct:
 
     Parameters
     ----------
-    terms : list of list of (float, ndarray)
-        Factors of the products whose sum, or its real part, is the inverse.
+    factors : list of (tuple of float, list of ndarray)
+        Factors of the products whose sum, or its real part, is the inverse (see `OneStep`).
     ends : (ndarray, ndarray), of shape (n + p - 1,)
         Vectors whose windows of length n are Zˢ u and Zˢ w, s = p - 1 … 0, divided by factors with
         the product 2 x₀.
     n : int
     dtype : float32, float64, complex64 or complex128
-    plan : OneStep or Panels
+    plan : OneStep or FourStep
         Determines the order of the eigenvalues.
 
     References
@@ -148,9 +147,9 @@ class GohbergSemenculProduct:
     grid_shape: tuple[int, ...]
 
     def __init__(
-        self, terms: list[Term], ends: tuple[Array, Array], n: int, dtype: DTypeLike, plan: Any
+        self, factors: Factors, ends: tuple[Array, Array], n: int, dtype: DTypeLike, plan: Any
     ) -> None:
-        self._terms, self._ends, self._length = terms, ends, len(ends[0]) + 1
+        self._factors, self._ends, self._length = factors, ends, len(ends[0]) + 1
         self._plan = plan
         self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), 2.0 * self._length
 
@@ -188,16 +187,19 @@ class GohbergSemenculProduct:
             pairs = [(2.0 * skew.real, circulant.real), (2.0 * skew.imag, circulant.imag)]
         else:
             pairs = [(2.0 * (skew.real - skew.imag), circulant.real - circulant.imag)]
-        terms = [[(0.5, eigenvalues(first)), (0.0, eigenvalues(last))] for first, last in pairs]
+        factors = [
+            ((shift,) * len(pairs), [eigenvalues(spectrum) for spectrum in spectra])
+            for shift, spectra in zip((0.5, 0.0), zip(*pairs, strict=True), strict=True)
+        ]
         ends = u[:0:-1].astype(dtype), w[:0:-1].astype(dtype)
-        return cls(terms, ends, n, dtype, of_products)
+        return cls(factors, ends, n, dtype, of_products)
 
     def adjoint(self) -> "GohbergSemenculProduct":
         """Return the multiplication by the adjoint (column ȳ, row x̄), without any transform."""
-        terms = [[(shift, values.conj()) for shift, values in term] for term in self._terms[::-1]]
+        factors = [(shifts, [s.conj() for s in spectra]) for shifts, spectra in self._factors]
         u, w = self._ends
         (n,) = self.grid_shape
-        return GohbergSemenculProduct(terms, (w.conj(), u.conj()), n, self.dtype, self._plan)
+        return GohbergSemenculProduct(factors, (w.conj(), u.conj()), n, self.dtype, self._plan)
 
     __call__ = multiply_rows
 
@@ -205,29 +207,16 @@ class GohbergSemenculProduct:
         """Multiply the rows of `X`, of shape (rows, N), into `out`, which may be `X`."""
         n, m = X.shape[1], self._length
         if m == n:
-            self._sum(X, out)
+            self._plan.multiply(X, self._factors, out)
             return
         Z = workspace((len(X), m), self.dtype)
         Z[:, :n] = X
         Z[:, n:] = 0.0
         u, w = self._ends
         parts = [np.correlate(u, z.conj(), "valid") for z in Z[:, :n]]
-        self._sum(Z, Z)
+        self._plan.multiply(Z, self._factors, Z)
         for z, part, y in zip(Z, parts, out, strict=True):
             np.subtract(z[:n], 2.0 * np.correlate(w, part.conj(), "valid"), out=y)
-
-    def _sum(self, X: Array, out: Array) -> None:
-        """Multiply rows that have the length of the transforms."""
-        plan = self._plan
-        *others, last = self._terms
-        rest = []
-        for term in others:
-            Y = workspace(X.shape, self.dtype)
-            plan.multiply_in_turn(X, term, Y)
-            rest.append(Y)
-        plan.multiply_in_turn(X, last, out)
-        for Y in rest:
-            out += Y
 
 
 def _extend(a: Array, length: int) -> Array:

@@ -8,7 +8,7 @@ The way of one ``A @ x``, from `operators.base`, which hands over x as rows:
 3. Larger ones are embedded in a circulant, whose size is a fast transform length (`lengths`). Its
    eigenvalues were computed when the product was made (`embedding`).
 4. `transforms` brings x to the frequencies, multiplies by the eigenvalues, and comes back: short
-   rows many at once, a long one by `panels`, which stay in the cache, in the steps of `fourstep`.
+   rows many at once, a long one in the steps of `fourstep`, by panels that stay in the cache.
 5. `workspace` gives the memory for it, the same again and again; `threads` shares the panels among
    as many threads as `scipy.fft.set_workers` says.
 

@@ -112,12 +112,15 @@ def backward(Z: Array, axis: int = -1, norm: str = "forward") -> None:
 
 
 def _in_place(Z: Array, axis: int, name: str, norm: str) -> None:
-    mkl, inverse = library(), name == "ifft"
-    if isinstance(mkl, MKL) and Z.size:
-        mkl.transform(Z, Z, axis, inverse, _scale(norm, inverse, Z.shape[axis]))
+    of, inverse = library(), name == "ifft"
+    if isinstance(of, MKL) and Z.size:
+        of.transform(Z, Z, axis, inverse, _scale(norm, inverse, Z.shape[axis]))
         return
     with keep_bits(Z.dtype, Z.size // Z.shape[axis]):
-        Y = getattr(of_scipy, name)(Z, axis=axis, norm=norm, overwrite_x=True)
+        if norm == "backward" and of is fftpack:
+            Y = getattr(of, name)(Z, axis=axis, overwrite_x=True)
+        else:
+            Y = getattr(of_scipy, name)(Z, axis=axis, norm=norm, overwrite_x=True)
     if not np.may_share_memory(Y, Z):
         Z[...] = Y
 

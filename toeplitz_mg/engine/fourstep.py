@@ -29,13 +29,12 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.fourier import forward
-from toeplitz_mg.engine.lengths import near_square
-from toeplitz_mg.engine.threads import share
+from toeplitz_mg.engine.threads import share, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
-Load = Callable[[slice, Array], None]  # From columns j₂ to a panel (N₁, columns), which it fills.
-Factor = tuple[float, Array]  # The shift of a transform, and the eigenvalues.
-Store = Callable[[slice, Array], None]  # From a panel, which it may overwrite, to columns j₂.
+# Matrices whose products make a sum: of all its terms the shifts and the eigenvalues of the first
+# factors, then those of the second ones, and so on.
+Factors = Sequence[tuple[tuple[float, ...], Sequence[Array]]]
 
 # Bytes of a panel of columns: it stays in the cache, and with 512 rows each piece of a row still
 # has two kilobytes.
@@ -47,7 +46,7 @@ ANCHOR = 32
 
 
 class FourStep:
-    """The plan of a transform of length N₁ N₂.
+    """Transforms of length N₁ N₂ of long rows, one after the other (see `transforms.OneStep`).
 
     Parameters
     ----------
@@ -67,119 +66,119 @@ class FourStep:
         width: int | None = None,
         height: int | None = None,
     ) -> None:
-        self.dtype = np.dtype(dtype)
-        self._real = self.dtype.char.lower()
-        self.shape = rows, columns
+        self.dtype, self.shape, self.length = np.dtype(dtype), (rows, columns), rows * columns
         panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))
         panels = -(-columns * rows // panel)
         # It is an odd multiple of 4: a power of 2 would bring all rows to one part of the cache.
         self.width = width or min(columns, (-(-columns // panels) + 3) // 8 * 8 + 4)
         self.height = height or min(rows, max(2, block // columns))
 
-    @property
-    def length(self) -> int:
-        """L = N₁ N₂."""
-        return self.shape[0] * self.shape[1]
+    def astype(self, dtype: DTypeLike) -> "FourStep":
+        """Return the plan for numbers of another precision."""
+        return self if self.dtype == dtype else FourStep(*self.shape, dtype)
 
     def weights(self, shift: float) -> Array:
         """Return u = exp(-2πi j₁ s/N₁), shape (N₁, 1)."""
         return _weights(self.shape[0], shift, self.dtype)
 
-    def spectrum(self, load: Load, shift: float) -> Array:
-        """Transform a vector, and return all of it, in the order [k₁, k₂].
+    def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
+        """Transform a vector, given by its parts, to the order [k₁, k₂].
 
         The result is a `workspace`: what is to be kept for long had better be a copy.
         """
-        W = workspace(self.shape, self.dtype)
-        self._columns_in(W, load)
+        X, Y = real.reshape(self.shape), None if imag is None else imag.reshape(self.shape)
+        u, W = self.weights(shift), workspace(self.shape, self.dtype)
 
-        def work(blocks: range) -> None:
-            for rows, twiddles in self._blocks(blocks, shift):
-                R = W[rows]
-                R *= twiddles
-                forward(R)
+        def load(columns: slice, P: Array) -> None:
+            P.real = X[:, columns]
+            P.imag = 0.0 if Y is None else Y[:, columns]
+            P *= u
 
-        share(work, self._count(0), self.length)
+        def transform(rows: slice, twiddles: Array) -> None:
+            R = W[rows]
+            R *= twiddles
+            forward(R)
+
+        self._transform_columns(W, load)
+        self._share_rows(transform, shift)
         return W
 
-    def invert(self, spectrum: Array, shift: float, store: Store) -> None:
-        """Transform a spectrum, in the order [k₁, k₂], back.
+    def parts(self, spectrum: Array, shift: float) -> tuple[Array, Array]:
+        """Return the real and the imaginary part of the vector that has a spectrum."""
+        real, imag = parts = np.empty((2, *self.shape), self.dtype.char.lower())
+        u, W = self.weights(shift) / self.length, workspace(self.shape, self.dtype)
 
-        Parameters
-        ----------
-        spectrum : ndarray of shape (N₁, N₂)
-        shift : float
-        store : callable
-            Receives a panel Q, which it may overwrite; the columns of the vector are the conjugate
-            of u Q over the length.
-        """
-        W = workspace(self.shape, self.dtype)
+        def transform(rows: slice, twiddles: Array) -> None:
+            R = workspace(twiddles.shape, self.dtype)
+            np.conjugate(spectrum[rows], out=R)
+            forward(R)
+            np.multiply(R, twiddles, out=W[rows])
 
-        def work(blocks: range) -> None:
-            for rows, twiddles in self._blocks(blocks, shift):
-                R = workspace(twiddles.shape, self.dtype)
-                np.conjugate(spectrum[rows], out=R)
-                forward(R)
-                np.multiply(R, twiddles, out=W[rows])
+        def store(columns: slice, Q: Array) -> None:
+            Q *= u
+            real[:, columns] = Q.real
+            np.negative(Q.imag, out=imag[:, columns])
 
-        share(work, self._count(0), self.length)
-        self._columns_out(W, store)
+        self._share_rows(transform, shift)
+        self._transform_columns(W, store=store)
+        real, imag = parts.reshape(2, -1)
+        return real, imag
 
-    def multiply(self, load: Load, factors: Sequence[Factor], store: Store) -> None:
-        """Multiply by matrices that shifted transforms diagonalise, the first one first.
-
-        Parameters
-        ----------
-        load : callable
-            Fills a panel with columns of the vector times u of the first shift.
-        factors : sequence of (float, ndarray)
-            The shift and the eigenvalues, from `eigenvalues`.
-        store : callable
-            Receives a panel Q, which it may overwrite; the columns of the result are the
-            conjugate of u Q, with u of the last shift.
-        """
-        W = workspace(self.shape, self.dtype)
-        self._columns_in(W, load)
-        for k, (shift, eigenvalues) in enumerate(factors):
-            if k:
-                self._columns_through(W, factors[k - 1][0], shift)
-            self._rows(W, shift, eigenvalues)
-        self._columns_out(W, store)
+    def in_order(self, spectrum: Array) -> Array:
+        """Return a spectrum in the order of the frequencies, k₁ + N₁ k₂."""
+        return spectrum.T.ravel()
 
     def eigenvalues(self, spectrum: Array) -> Array:
-        """Prepare a spectrum, in the order [k₁, k₂], for `multiply`."""
-        is_complex = np.iscomplexobj(spectrum)
-        eigenvalues = np.empty(self.shape, self.dtype.char if is_complex else self._real)
-        np.divide(spectrum, self.length, out=eigenvalues, casting="same_kind")
-        return eigenvalues
+        """Prepare a spectrum for the products."""
+        char = self.dtype.char if np.iscomplexobj(spectrum) else self.dtype.char.lower()
+        eigenvalues = np.empty(self.shape, char)
+        return np.divide(spectrum, self.length, out=eigenvalues, casting="same_kind")
 
-    def transpose(self, Z: Array, out: Array) -> None:
-        """Write the first columns of a spectrum as rows: in the order k₁ + N₁ k₂.
+    def multiply(self, X: Array, factors: Factors, out: Array) -> None:
+        """Write the products of rows with a sum of products of matrices (see `OneStep`)."""
+        *others, last = zip(*(zip(*stage, strict=True) for stage in factors), strict=True)
+        for x, y in zip(X, out, strict=True):
+            rest = None
+            for term in others:
+                to = workspace((self.length,), y.dtype)
+                self._multiply(x, term, rest, to)
+                rest = to.reshape(self.shape)
+            self._multiply(x, last, rest, y)
 
-        By panels, as Z may have rows that all go to the same part of the cache.
-        """
+    def _multiply(
+        self, x: Array, factors: Sequence[tuple[float, Array]], rest: Array | None, y: Array
+    ) -> None:
+        """Write the product of a vector with these matrices, plus the rest, to y."""
+        W, first, last = workspace(self.shape, self.dtype), factors[0][0], factors[-1][0]
+        u, v, (y_rows, y_end) = self.weights(first), self.weights(last), self._fold(y)
+        rows, end = self._fold(x)
+        whole = len(rows)
 
-        def work(panels: range) -> None:
-            for columns, P in self._panels(panels, len(out)):
-                P[...] = Z[:, columns]
-                out[columns] = P.T
+        def load(columns: slice, P: Array) -> None:
+            P[:whole] = rows[:, columns]
+            if whole < len(P):
+                P[whole:] = 0.0
+                part = end[columns]
+                P[whole, : len(part)] = part
+            if first:
+                P *= u
 
-        share(work, -(-len(out) // self.width), out.size)
+        def store(columns: slice, Q: Array) -> None:
+            if last:
+                Q *= v
+            values = np.conjugate(Q, out=Q) if y.dtype.kind == "c" else Q.real
+            if rest is not None:
+                values += rest[:, columns]
+            y_rows[:, columns] = values[: len(y_rows)]
+            if len(y_end):
+                part = y_end[columns]
+                part[...] = values[len(y_rows), : len(part)]
 
-    def _columns_in(self, W: Array, load: Load) -> None:
-        def work(panels: range) -> None:
-            for columns, P in self._panels(panels):
-                load(columns, P)
-                forward(P, 0)
-                W[:, columns] = P
+        self._transform_columns(W, load)
+        for k, (shift, eigenvalues) in enumerate(factors):
 
-        share(work, self._count(1), self.length)
-
-    def _rows(self, W: Array, shift: float, eigenvalues: Array) -> None:
-        """Transform the rows, multiply, and transform back, to the conjugate."""
-
-        def work(blocks: range) -> None:
-            for rows, twiddles in self._blocks(blocks, shift):
+            def transform(rows: slice, twiddles: Array, eigenvalues: Array = eigenvalues) -> None:
+                # There and back, to the conjugate.
                 R = W[rows]
                 R *= twiddles
                 forward(R)
@@ -188,43 +187,57 @@ class FourStep:
                 forward(R)
                 np.multiply(R, twiddles, out=W[rows])
 
-        share(work, self._count(0), self.length)
+            self._share_rows(transform, shift)
+            if k + 1 < len(factors):
+                turn = self.weights(shift).conj() * self.weights(factors[k + 1][0])
 
-    def _columns_through(self, W: Array, shift: float, next_shift: float) -> None:
-        """Finish the one inverse transform, and begin the next transform."""
-        turn = self.weights(shift).conj() * self.weights(next_shift)
+                def go_on(columns: slice, Q: Array, turn: Array = turn) -> None:
+                    np.conjugate(Q, out=Q)
+                    Q *= turn
+                    forward(Q, 0)
+                    W[:, columns] = Q
 
-        def work(panels: range) -> None:
-            for columns, P in self._panels(panels):
-                P[...] = W[:, columns]
-                forward(P, 0)
-                np.conjugate(P, out=P)
-                P *= turn
-                forward(P, 0)
-                W[:, columns] = P
+                self._transform_columns(W, store=go_on)
+        self._transform_columns(W, store=store)
 
-        share(work, self._count(1), self.length)
+    def _fold(self, x: Array) -> tuple[Array, Array]:
+        """Return the full rows of a vector as a matrix, and what is left."""
+        columns = self.shape[1]
+        whole = len(x) // columns * columns
+        return x[:whole].reshape(-1, columns), x[whole:]
 
-    def _columns_out(self, W: Array, store: Store) -> None:
-        def work(panels: range) -> None:
-            for columns, P in self._panels(panels):
-                P[...] = W[:, columns]
-                forward(P, 0)
-                store(columns, P)
-
-        share(work, self._count(1), self.length)
-
-    def _count(self, axis: int) -> int:
-        """Return the number of blocks of rows, or of panels of columns."""
-        return -(-self.shape[axis] // (self.width if axis else self.height))
-
-    def _panels(self, panels: range, end: int | None = None) -> Iterator[tuple[slice, Array]]:
-        """Yield the columns of each panel, up to `end`, and memory for it, the same for all."""
+    def _transform_columns(
+        self,
+        W: Array,
+        load: Callable[[slice, Array], None] | None = None,
+        store: Callable[[slice, Array], None] | None = None,
+    ) -> None:
+        """Transform the columns, a panel at a time: those of W, and to W, unless it is said."""
         rows, columns = self.shape
-        memory = workspace((rows * self.width,), self.dtype)
-        for start in (panel * self.width for panel in panels):
-            stop = min(end or columns, start + self.width)
-            yield slice(start, stop), memory[: rows * (stop - start)].reshape(rows, -1)
+
+        def work(part: slice) -> None:
+            P = workspace((rows * self.width,), self.dtype)
+            P = P[: rows * (part.stop - part.start)].reshape(rows, -1)
+            if load is None:
+                P[...] = W[:, part]
+            else:
+                load(part, P)
+            forward(P, 0)
+            if store is None:
+                W[:, part] = P
+            else:
+                store(part, P)
+
+        share_slices(work, columns, self.width, self.length)
+
+    def _share_rows(self, work: Callable[[slice, Array], None], shift: float) -> None:
+        """Do the work for all blocks of rows k₁, with their twiddle factors."""
+
+        def do(blocks: range) -> None:
+            for rows, twiddles in self._blocks(blocks, shift):
+                work(rows, twiddles)
+
+        share(do, -(-self.shape[0] // self.height), self.length)
 
     def _blocks(self, blocks: range, shift: float) -> Iterator[tuple[slice, Array]]:
         """Yield the rows k₁ of each block, and its twiddle factors, in the same memory for all."""
@@ -242,11 +255,6 @@ class FourStep:
             T = memory[: stop - start]
             np.multiply(first[: stop - start], row.astype(self.dtype, copy=False), out=T)
             yield slice(start, stop), T
-
-
-def four_step(length: int, dtype: DTypeLike) -> FourStep:
-    """Return the plan for the shortest length not below `length` of two near, fast factors."""
-    return FourStep(*near_square(length), dtype)
 
 
 @lru_cache(maxsize=16)

@@ -12,7 +12,7 @@ from scipy.linalg.blas import idamax, izamax
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine import fourier
-from toeplitz_mg.engine.panels import Panels
+from toeplitz_mg.engine.fourstep import FourStep
 from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.transforms import LONG, OneStep, in_batches, plan_of
 from toeplitz_mg.engine.vectors import power_above
@@ -21,6 +21,7 @@ from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
 
 NEAR_ONE = 1e-9, 1e9  # Sizes of vectors that are multiplied in single precision as they are.
+SHIFTS = {"f": (0.25,), "c": (0.0, 0.5)}  # Of the embeddings of `ToeplitzProduct`.
 DENSE = 256  # Unknowns up to which a product with the dense matrix is faster than any transform.
 
 
@@ -49,9 +50,8 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
         if out is not None and out.dtype.kind != "c":
             raise TypeError(f"out has dtype {out.dtype}, but the product is complex")
     elif X.dtype.kind == "c":
-        real, imag = multiply_rows(product, X.real), multiply_rows(product, X.imag)
         out = np.empty(X.shape, np.result_type(X, product.dtype)) if out is None else out
-        out.real, out.imag = real, imag
+        out.real, out.imag = multiply_rows(product, np.stack([X.real, X.imag]))
         return out
     if out is None:
         out = np.empty(X.shape, np.result_type(X, product.dtype))
@@ -178,16 +178,14 @@ class ToeplitzProduct:
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, of shape (rows, N), into `out` (see `Product`)."""
-        if not self._spectra:
-            out[...] = X.astype(self.dtype, copy=False) @ self._matrix.T
-        elif len(self._spectra) == 1:
-            self._plan.multiply_real(X, self._spectra[0], out)
+        if self._spectra:
+            self._plan.multiply(X, [(SHIFTS[self.dtype.kind], self._spectra)], out)
         else:
-            self._plan.multiply_complex(X, self._spectra, out)
+            out[...] = X.astype(self.dtype, copy=False) @ self._matrix.T
 
 
 def _spectra(
-    column: Array, row: Array, dtype: np.dtype[Any], plan: OneStep | Panels
+    column: Array, row: Array, dtype: np.dtype[Any], plan: OneStep | FourStep
 ) -> tuple[Array, ...]:
     """Return the eigenvalues of the embedding of a Toeplitz matrix, as the plan needs them."""
     n = len(column)
@@ -199,11 +197,11 @@ def _spectra(
     back = ahead if symmetric else np.zeros_like(ahead)
     back[:n] = row
     if dtype.kind != "c":
-        Z = plan.spectrum(ahead[:-1], back[:0:-1], 0.25)
+        Z = plan.spectrum(ahead[:-1], back[:0:-1], *SHIFTS["f"])
         return (prepare(Z.real if symmetric else Z),)
     hermitian = np.array_equal(row, column.conj())
     spectra = []
-    for shift, sign in ((0.0, 0.5), (0.5, -0.5)):
+    for shift, sign in zip(SHIFTS["c"], (0.5, -0.5), strict=True):
         first = 0.5 * ahead[:-1] + sign * back[:0:-1]
         Z = plan.spectrum(first.real, first.imag, shift)
         spectra.append(prepare(Z.real if hermitian else Z))

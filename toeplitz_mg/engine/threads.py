@@ -126,8 +126,9 @@ def keep_bits(dtype: DTypeLike, lines: int = 1) -> AbstractContextManager[None]:
     In single precision lines that are transformed together, up to `TOGETHER`, have other bits than
     those that are left over, and each of SciPy's threads has some that are: there is one then.
     """
-    workers = fft.get_workers()
-    if workers == 1 or np.dtype(dtype).char in "dD" or lines % (TOGETHER * workers) == 0:
+    if np.dtype(dtype).char in "dD" or (workers := fft.get_workers()) == 1:
+        return nullcontext()
+    if lines % (TOGETHER * workers) == 0:
         return nullcontext()
     return fft.set_workers(1)
 

@@ -1,8 +1,8 @@
-"""Transforms of rows: short ones at once, long ones in `panels`, and what is done with them."""
+"""Transforms of rows: short ones at once, long ones in steps, and what is done with them."""
 
 from collections import defaultdict
 from collections.abc import Callable
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,15 @@ from scipy.fft import next_fast_len
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine import fourier
-from toeplitz_mg.engine.fourstep import four_step
+from toeplitz_mg.engine.fourstep import Factors, FourStep
+from toeplitz_mg.engine.lengths import near_square
 from toeplitz_mg.engine.mkl import MKL
-from toeplitz_mg.engine.panels import Panels
 from toeplitz_mg.engine.threads import TRANSFORM, WORTH_THREADS, share_slices
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
 LONG = 2**15  # Length from which on a transform in four steps is faster than one at once.
 LONG_OF_MKL = 2**16  # With MKL up to this length, and for any power of two, it is not.
-LONGEST_KEPT = 2**22  # Longest phase factors that are kept in memory: 64 MiB.
 BATCH = 2**15  # Numbers of a batch of short vectors: so many stay in the cache.
 
 
@@ -30,6 +29,7 @@ class OneStep:
     def __init__(self, length: int, dtype: DTypeLike) -> None:
         self.length = length
         self.dtype = np.dtype(dtype)
+        self._kept: dict[tuple[float, ...], tuple[list[Any], list[Any], str]] = {}
         # What multiplies one vector, with the memory for it: who uses it has taken it from here.
         self._spare: defaultdict[Any, list[Callable[[Array, Array], Array]]] = defaultdict(list)
 
@@ -40,18 +40,23 @@ class OneStep:
         """Return the plan for numbers of another precision."""
         return self if self.dtype == dtype else OneStep(self.length, dtype)
 
-    @cached_property
-    def _quarter(self) -> tuple[Array, Array]:
-        """The weights of a transform, and those of its inverse, which has a factor 1/L itself."""
-        return self.weights(0.25), self.weights(-0.25) * self.dtype.type(self.length)
-
-    @cached_property
-    def _half(self) -> tuple[Array, Array]:
-        return self.weights(0.5), self.weights(-0.5)
-
     def weights(self, shift: float) -> Array:
-        """Return the factors exp(-2πi j s/L) of a shift, shape (L,)."""
-        return phase_factors(self.length, shift, self.dtype)
+        """Return the factors exp(-2πi j s/L) of a shift, which is not 0, shape (L,)."""
+        return self._turns((shift,))[0][0]
+
+    def _turns(self, shifts: tuple[float, ...]) -> tuple[list[Any], list[Any], str]:
+        """Return the factors of these shifts, those of the way back, and the norm of the inverse.
+
+        They are None for a shift of 0. With other shifts the inverse has a factor 1/L, as in
+        `multiply_vector`, and the factors of the way back undo it.
+        """
+        if shifts not in self._kept:
+            w = {shift: phase_factors(self.length, shift, self.dtype) for shift in shifts if shift}
+            scale = self.dtype.type(self.length if all(shifts) else 1.0)
+            back = {shift: factors.conj() * scale for shift, factors in w.items()}
+            norm = "backward" if all(shifts) else "forward"
+            self._kept[shifts] = [*map(w.get, shifts)], [*map(back.get, shifts)], norm
+        return self._kept[shifts]
 
     def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
         """Transform a vector at the frequencies k + s.
@@ -64,11 +69,13 @@ class OneStep:
             The shift s.
         """
         column = real if imag is None else real + 1j * imag
-        return fourier.fft(column * self.weights(shift), overwrite_x=True)
+        return fourier.fft(
+            column * self.weights(shift) if shift else column, overwrite_x=bool(shift)
+        )
 
     def parts(self, spectrum: Array, shift: float) -> tuple[Array, Array]:
         """Return the real and the imaginary part of the vector that has a spectrum."""
-        vector = fourier.ifft(spectrum) * self.weights(-shift)
+        vector = fourier.ifft(spectrum) * self.weights(shift).conj()
         return vector.real, vector.imag
 
     def in_order(self, spectrum: Array) -> Array:
@@ -83,35 +90,51 @@ class OneStep:
         # Each stands twice, for the real and the imaginary part of what it multiplies.
         return np.repeat(spectrum, 2).astype(self.dtype.char.lower())
 
-    def multiply_real(self, X: Array, eigenvalues: Array, out: Array) -> None:
-        """Write the real parts of the products of rows with the matrix of the shift 1/4."""
-        n = X.shape[1]
-        w, w_conj = self._quarter
-        if n < self.length:
-            w, w_conj = w[:n], w_conj[:n]
+    def multiply(self, X: Array, factors: Factors, out: Array) -> None:
+        """Write the products of rows with a sum of products of matrices.
+
+        Parameters
+        ----------
+        X, out : ndarray of shape (rows, n), n ≤ L
+            Rows are extended by zeros, and what comes out is cut; of a real `out` it is the real
+            part.
+        factors : sequence of (tuple of float, sequence of ndarray)
+            The first factors of all terms of the sum, then the second ones, and so on: the shifts
+            of the frequencies that diagonalise them, and their `eigenvalues`.
+        """
+        n, L, count = X.shape[1], self.length, len(factors[0][0])
+        first = self._turns(factors[0][0])[0]
 
         def work(part: slice) -> None:
             x = X[part]
-            Z = workspace((len(x), self.length), self.dtype)
-            cut = Z if n == self.length else Z[:, :n]
-            if x.dtype == out.dtype:
-                np.multiply(x, w, out=cut)
-            else:
-                np.multiply(x, w, out=cut, casting="same_kind")
-            if n < self.length:
+            Z = workspace((count * len(x), L), self.dtype)
+            terms = [Z] if count == 1 else list(Z.reshape(count, -1, L))
+            for z, w in zip(terms, first, strict=True):
+                if w is None:
+                    z[:, :n] = x
+                else:
+                    np.multiply(x, w[:n], out=z[:, :n], casting="same_kind")
+            if n < L:
                 Z[:, n:] = 0.0
-            fourier.forward(Z)
-            pairs = Z.view(eigenvalues.dtype)
-            pairs *= eigenvalues
-            fourier.backward(Z, norm="backward")
-            cut = Z if n == self.length else Z[:, :n]
-            cut *= w_conj
-            out[part] = cut.real
+            for shifts, spectra in factors:
+                turns, turns_back, norm = self._turns(shifts)
+                if turns is not first:
+                    _turn(terms, turns)
+                fourier.forward(Z)
+                for z, eigenvalues in zip(terms, spectra, strict=True):
+                    numbers = z.view(eigenvalues.dtype)  # Pairs of real ones, where these are.
+                    numbers *= eigenvalues
+                fourier.backward(Z, norm=norm)
+                _turn(terms, turns_back)
+            total, *others = terms
+            for other in others:
+                total += other
+            out[part] = total[:, :n] if out.dtype.kind == "c" else total.real[:, :n]
 
-        self._share(work, len(X))
+        share_slices(work, len(X), max(1, BATCH // (count * L)), len(X) * count * L)
 
     def multiply_vector(self, x: Array, eigenvalues: Array) -> Array:
-        """Return what `multiply_real` makes of one vector of its precision, with fewer calls."""
+        """Return what `multiply` makes of a real vector and a shift of 1/4, with fewer calls."""
         of = fourier.library()
         spare = self._spare[of, len(x)]
         try:
@@ -127,7 +150,7 @@ class OneStep:
         Z = np.zeros(self.length, self.dtype)
         pairs = Z.view(self.dtype.char.lower())
         cut, rest, real = Z[:n], Z[n:], Z.real[:n]
-        w, w_conj = (weights[:n] for weights in self._quarter)
+        w, w_conj = (turns[0][:n] for turns in self._turns((0.25,))[:2])
         forward, backward = fourier.bind(Z, of)
         times = np.multiply
 
@@ -143,88 +166,32 @@ class OneStep:
 
         return multiply
 
-    def multiply_complex(self, X: Array, eigenvalues: tuple[Array, ...], out: Array) -> None:
-        """Write the sums of the products of rows with the matrices of the shifts 0 and 1/2."""
-        n, L = X.shape[1], self.length
-        w, w_conj = (weights[:n] for weights in self._half)
 
-        def work(part: slice) -> None:
-            x = X[part]
-            Z = workspace((2, len(x), L), self.dtype)
-            Z[0, :, :n] = x
-            np.multiply(x, w, out=Z[1, :, :n], casting="same_kind")
-            Z[:, :, n:] = 0.0
-            fourier.forward(Z)
-            for half, factors in zip(Z, eigenvalues, strict=True):
-                half.view(factors.dtype)[...] *= factors
-            fourier.backward(Z)
-            Z = Z[:, :, :n]
-            Z[1] *= w_conj
-            np.add(Z[0], Z[1], out=out[part], casting="same_kind")
-
-        self._share(work, len(X), 2)
-
-    def multiply_in_turn(self, X: Array, factors: list[tuple[float, Array]], out: Array) -> None:
-        """Write the products of rows with the matrices of these shifts, the first one first.
-
-        Where `out` is real, these are their real parts.
-        """
-
-        def work(part: slice) -> None:
-            Z = workspace((len(X[part]), self.length), self.dtype)
-            np.multiply(X[part], self.weights(factors[0][0]), out=Z, casting="same_kind")
-            for k, (shift, eigenvalues) in enumerate(factors):
-                if k and shift:
-                    Z *= self.weights(shift)
-                fourier.forward(Z)
-                numbers = Z.view(eigenvalues.dtype)  # Pairs of real ones, where eigenvalues are.
-                numbers *= eigenvalues
-                fourier.backward(Z)
-                if shift:
-                    Z *= self.weights(-shift)
-            out[part] = Z if out.dtype.kind == "c" else Z.real
-
-        self._share(work, len(X))
-
-    def _share(self, work: Callable[[slice], None], count: int, transforms: int = 1) -> None:
-        """Do the work for batches of so many vectors, of which each has so many transforms."""
-        length = transforms * self.length
-        share_slices(work, count, max(1, BATCH // length), count * length)
+def _turn(terms: list[Array], turns: list[Any]) -> None:
+    for z, w in zip(terms, turns, strict=True):
+        if w is not None:
+            np.multiply(z, w, out=z)
 
 
 def phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
     """Return the factors exp(-2πi j s/L) of a shift, shape (L,), of a complex dtype."""
-    if shift < 0.0:
-        return phase_factors(length, -shift, dtype).conj()
-    if length > LONGEST_KEPT:
-        return _compute_phase_factors(length, shift, dtype)
-    return (_keep_short if length <= LONG else _keep_long)(length, shift, dtype)
-
-
-def _compute_phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
     return np.asarray(np.exp(-2j * np.pi * shift / length * np.arange(length)), dtype)
 
 
-# At most 32 and 64 MiB.
-_keep_short = lru_cache(maxsize=64)(_compute_phase_factors)
-_keep_long = lru_cache(maxsize=1)(_compute_phase_factors)
+def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> OneStep | FourStep:
+    """Return the transforms for vectors of length n: of that length, or of a fast one above it."""
+    precision, by_mkl = np.result_type(dtype, np.complex64).char, isinstance(fourier.library(), MKL)
+    plan = _plan(n, precision, by_mkl)
+    return OneStep(n, precision) if exact and plan.length != n else plan
 
 
 @lru_cache(maxsize=64)
-def _plan(n: int, precision: str, exact: bool, by_mkl: bool) -> OneStep | Panels:
+def _plan(n: int, precision: str, by_mkl: bool) -> OneStep | FourStep:
     if n < LONG or (by_mkl and n <= LONG_OF_MKL):
-        return OneStep(n if exact else next_fast_len(n), precision)
-    plan = four_step(n, precision)
-    at_once = by_mkl and plan.length.bit_count() == 1  # MKL has steps of its own for these.
-    if exact and plan.length != n:
-        return OneStep(n, precision)
-    return OneStep(plan.length, precision) if at_once else Panels(plan)
-
-
-def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> OneStep | Panels:
-    """Return the transforms for vectors of length n: of that length, or of a fast one above it."""
-    by_mkl = isinstance(fourier.library(), MKL)
-    return _plan(n, np.result_type(dtype, np.complex64).char, exact, by_mkl)
+        return OneStep(next_fast_len(n), precision)
+    rows, columns = near_square(n)
+    at_once = by_mkl and (rows * columns).bit_count() == 1  # MKL has steps of its own for these.
+    return OneStep(rows * columns, precision) if at_once else FourStep(rows, columns, precision)
 
 
 def in_batches(multiply: Callable[[Array, Array], None], X: Array, out: Array, size: int) -> None:
@@ -260,34 +227,6 @@ def cosine_sums(column: Array) -> Array:
     ----------
     column : ndarray of shape (n + 1, ...), float64
     """
-    shape = tuple(m - 1 for m in column.shape)
-    count_transforms(1, *shape)  # They are half as long as those of a product.
-    if (panels := _panels_for_sums(column)) is not None:
-        return panels.cosine_sums(column)
+    count_transforms(1, *(m - 1 for m in column.shape))  # Half as long as those of a product.
     # Slabs of rows transform the last axis first, too: their bits are the same.
     return fourier.dctn(column, type=1, axes=range(column.ndim)[::-1])
-
-
-def sine_sums(column: Array) -> Array:
-    """Return f_k = 2 Σ a_j sin(πjk/n) over 0 < j < n, for k = 0 … n; a DST-I.
-
-    Parameters
-    ----------
-    column : ndarray of shape (n + 1,), float64
-        Its first and its last entry do not matter.
-    """
-    count_transforms(1, len(column) - 1)
-    a = np.zeros_like(column)
-    a[1:-1] = column[1:-1]
-    if (panels := _panels_for_sums(a)) is not None:
-        return panels.sine_sums(a)
-    if len(a) > 2:
-        a[1:-1] = fourier.dstn(a[1:-1], type=1)
-    return a
-
-
-def _panels_for_sums(column: Array) -> Panels | None:
-    if column.ndim > 1 or len(column) % 2 == 0:
-        return None
-    plan = plan_of(len(column) - 1, np.float64, exact=True)
-    return plan if isinstance(plan, Panels) else None

@@ -13,7 +13,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Rows
 from toeplitz_mg.engine.fourier import fft, ifft, packed_irfft, packed_rfft
 from toeplitz_mg.engine.lengths import near_fast_length
-from toeplitz_mg.engine.transforms import LONG, phase_factors
+from toeplitz_mg.engine.transforms import LONG, plan_of
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import require_nonzero
@@ -52,7 +52,7 @@ class FourierForm:
         count_transforms(2, n)
         transform = fft if self._is_complex else packed_rfft
         self._circulant = _Diagonal(0.5 * transform(c + behind), c.dtype)
-        twist = phase_factors(n, 0.5, np.dtype(np.complex128))
+        twist = plan_of(n, np.complex128, exact=True).weights(0.5)
         self._twist = twist if self._is_complex else twist[: n // 2]
         self._untwist = self._twist.conj()
         self._skew = fft(self._fold(0.5 * (c - behind)))
