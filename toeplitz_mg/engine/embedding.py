@@ -6,7 +6,6 @@ axes, which circulants embed: some frequencies may be done at a time, or on each
 processes. The arrays may be of any library.
 """
 
-from collections.abc import Callable
 from math import pi, prod
 from typing import Any
 
@@ -14,12 +13,10 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg.engine.lengths import embedding_lengths
-from toeplitz_mg.engine.threads import TRANSFORM, share
 from toeplitz_mg.engine.work import count_transforms
 
 PARTS = 8  # Parts of the frequencies: the memory for zeros is that share of the whole.
 LEAST = 2**22  # Numbers of a part, with its zeros: a GPU would wait for the orders of smaller ones.
-SHARED = 2**17  # Numbers of a part that threads share: so many leave the cache to others.
 
 
 def cut(axis: int, start: int, stop: int | None = None, step: int = 1) -> Any:
@@ -41,30 +38,8 @@ def phases(library: Any, length: int, angle: float, dtype: DTypeLike) -> Any:
 
 def parts_of(n: int, numbers: int) -> list[slice]:
     """Return the parts of n lines, of so many numbers, that are done one after the other."""
-    return _cut_evenly(n, numbers // LEAST)
-
-
-def _cut_evenly(n: int, count: int) -> list[slice]:
-    count = max(1, min(PARTS, n, count))
+    count = max(1, min(PARTS, n, numbers // LEAST))
     return [slice(n * k // count, n * (k + 1) // count) for k in range(count)]
-
-
-def share_parts(
-    make: Callable[[slice], Any], shape: tuple[int, ...], dtype: DTypeLike, axis: int
-) -> Any:
-    """Return an array of NumPy's of which threads make the parts along an axis."""
-    # A line is transformed as a whole.
-    parts = _cut_evenly(shape[axis], prod(shape) // SHARED if len(shape) > 1 else 1)
-    if len(parts) == 1:
-        return make(slice(None))
-    whole = np.empty(shape, dtype)
-
-    def work(numbers: range) -> None:
-        for part in parts[numbers.start : numbers.stop]:
-            whole[cut(axis, part.start, part.stop)] = make(part)
-
-    share(work, len(parts), TRANSFORM * whole.size)
-    return whole
 
 
 def split(library: Any, a: Any, axis: int, sign: int) -> tuple[Any, Any]:
@@ -146,21 +121,12 @@ def embed(library: Any, a: Any, is_complex: bool, dtype: DTypeLike) -> Any:
     count_transforms(1, *(2 * n for n in a.grid_shape))
     sign, is_real = int(a.is_even), a.is_hermitian
 
-    def transform_lines(part: slice) -> Any:
-        return transform_last(library, a.array[part, ...], sign, lengths[-1], is_complex)
-
     def transform_rest(S: Any) -> Any:
         for axis in reversed(range(len(lengths) - 1)):
             S = transform_around(library, *split(library, S, axis, sign), axis, lengths[axis])
         return library.cast_numbers(xp.real(S) if is_real else S, dtype)
 
-    if xp is np:
-        lines = (*a.array.shape[:-1], lengths[-1])
-        Z = share_parts(transform_lines, lines, np.complex128, 0)
-        char, last = np.dtype(dtype).char, len(lengths) - 1
-        kind = char.lower() if is_real else char.upper()
-        return share_parts(lambda part: transform_rest(Z[..., part]), lengths, kind, last)
-    rows = transform_lines(slice(None))
+    rows = transform_last(library, a.array, sign, lengths[-1], is_complex)
     parts = parts_of(lengths[-1], prod(lengths))
     spectra = [transform_rest(rows[..., part]) for part in parts]
     del rows

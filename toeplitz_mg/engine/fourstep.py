@@ -58,13 +58,7 @@ class FourStep:
     """
 
     def __init__(
-        self,
-        rows: int,
-        columns: int,
-        dtype: DTypeLike,
-        *,
-        width: int | None = None,
-        height: int | None = None,
+        self, rows: int, columns: int, dtype: DTypeLike, *, width: int = 0, height: int = 0
     ) -> None:
         self.dtype, self.shape, self.length = np.dtype(dtype), (rows, columns), rows * columns
         panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))

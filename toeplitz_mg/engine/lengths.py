@@ -11,7 +11,6 @@ from scipy.fft import next_fast_len
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
 # Sum of prime factors that takes as long as what is done for each number whatever the factors are.
 PASSES_OF_ANY = 40
-LONG_ROW = 2**12  # Numbers of a row from which on its transform is slower: it leaves the cache.
 
 
 def near_fast_length(n: int) -> int:
@@ -64,6 +63,5 @@ def near_square(length: int) -> tuple[int, int]:
     while rows <= 2 * root + 1:
         shapes.append((rows, next_fast_len(-(-length // rows))))
         rows = next_fast_len(rows + 1)
-    # Fewer rows have longer pieces in a panel, as long as the rows stay in the cache.
-    best = max(2 * root // 3, min(root, length // LONG_ROW))
-    return min(shapes, key=lambda s: (s[0] * s[1], abs(s[0] - best)))
+    # Fewer rows have longer pieces in a panel.
+    return min(shapes, key=lambda s: (s[0] * s[1], abs(s[0] - 2 * root // 3)))

@@ -99,31 +99,24 @@ class MultilevelProduct:
         """The eigenvalues of each pair of components; None where the product is a dense one."""
         return self.passes and self.passes.spectrum
 
-    def _map(
-        self,
-        of_blocks: Callable[[Blocks], Blocks],
-        of_spectra: Callable[[Blocks], Blocks],
-        dtype: Any,
-    ) -> "MultilevelProduct":
-        blocks = self._blocks and of_blocks(self._blocks)
-        spectra = self.spectrum and of_spectra(self.spectrum)
-        return MultilevelProduct(self.library, self.grid_shape, dtype, blocks, spectra)
-
     def adjoint(self) -> "MultilevelProduct":
         """Return the multiplication by the conjugate transpose; no transform is made."""
-        return self._map(
-            lambda blocks: _map(lambda a: a.transpose.conjugate, zip(*blocks, strict=True)),
-            lambda spectra: _map(self.library.conj, zip(*spectra, strict=True)),
+        blocks, spectra = (
+            part and zip(*part, strict=True) for part in (self._blocks, self.spectrum)
+        )
+        return MultilevelProduct(
+            self.library,
+            self.grid_shape,
             self.dtype,
+            blocks and _map(lambda a: a.transpose.conjugate, blocks),
+            spectra and _map(self.library.conj, spectra),
         )
 
     def astype(self, dtype: DTypeLike) -> "MultilevelProduct":
         """Return the multiplication in another precision; no transform is made."""
-        return self._map(
-            lambda blocks: blocks,
-            lambda spectra: _map(lambda s: self.library.cast_numbers(s, dtype), spectra),
-            dtype,
-        )
+        cast = self.library.cast_numbers
+        spectra = self.spectrum and _map(lambda s: cast(s, dtype), self.spectrum)
+        return MultilevelProduct(self.library, self.grid_shape, dtype, self._blocks, spectra)
 
     @property
     def norm_bound(self) -> float:

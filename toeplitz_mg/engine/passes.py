@@ -4,7 +4,6 @@ The transforms skip the lines that are zero on the way in, and those that are cu
 out. They work on a panel of some frequencies of the last axis that stays in the cache.
 """
 
-from collections.abc import Iterator
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -13,13 +12,12 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.fourier import backward, forward
-from toeplitz_mg.engine.threads import TRANSFORM, share
+from toeplitz_mg.engine.fourstep import BLOCK_BYTES, PANEL_BYTES
+from toeplitz_mg.engine.threads import TRANSFORM, share_slices
 from toeplitz_mg.engine.transforms import in_batches, phase_factors
 from toeplitz_mg.engine.workspace import workspace
 
 WHOLE_BYTES = 2**22  # Bytes of an extended field up to which it stays in the cache as a whole.
-PANEL_BYTES = 2**20  # Bytes of a panel of frequencies of the last axis: it stays in the cache.
-BLOCK_BYTES = 2**19  # Bytes of a block of lines along the last axis, which stays there too.
 NARROW = 8  # Least frequencies of a panel: shorter pieces of a line take as long to copy.
 
 
@@ -64,11 +62,10 @@ class PanelPasses:
         Z = workspace((len(x), L), self.precision)
         height = max(1, BLOCK_BYTES // (L * Z.itemsize))
 
-        def work(blocks: range) -> None:
-            for rows in _slices(blocks, height, len(x)):
-                self._enter(x[rows], Z[rows])
+        def work(rows: slice) -> None:
+            self._enter(x[rows], Z[rows])
 
-        share(work, -(-len(x) // height), TRANSFORM * Z.size)
+        share_slices(work, len(x), height, TRANSFORM * Z.size)
         return Z.reshape(*fields.shape[:-1], L)
 
     def columns_through(self, matrix: Array, first: int = 0) -> Array:
@@ -84,12 +81,16 @@ class PanelPasses:
         line = len(matrix) * self._components * prod(self.lengths[:-1]) * matrix.itemsize
         width = max(1, min(count, max(NARROW, PANEL_BYTES // line)))
 
-        def work(panels: range) -> None:
-            for columns in _slices(panels, width, count):
-                frequencies = slice(first + columns.start, first + columns.stop)
-                self._panel(matrix[..., columns], frequencies)
+        def work(columns: slice) -> None:
+            frequencies = slice(first + columns.start, first + columns.stop)
+            part = matrix[..., columns]
+            extended = (*part.shape[:2], *self.lengths[:-1], part.shape[-1])
+            lines = self._lines(workspace(extended, part.dtype))
+            lines[-1][...] = part
+            self._columns(lines, frequencies)
+            part[...] = lines[-1]
 
-        share(work, -(-count // width), TRANSFORM * matrix.size)
+        share_slices(work, count, width, TRANSFORM * matrix.size)
         return matrix
 
     def rows_out(self, Z: Array, fields: Array) -> Array:
@@ -98,11 +99,10 @@ class PanelPasses:
         Z, y = Z.reshape(-1, L), fields.reshape(-1, n)
         height = max(1, BLOCK_BYTES // (L * Z.itemsize))
 
-        def work(blocks: range) -> None:
-            for rows in _slices(blocks, height, len(y)):
-                self._leave(Z[rows], y[rows])
+        def work(rows: slice) -> None:
+            self._leave(Z[rows], y[rows])
 
-        share(work, -(-len(y) // height), TRANSFORM * Z.size)
+        share_slices(work, len(y), height, TRANSFORM * Z.size)
         return fields
 
     @cached_property
@@ -132,15 +132,6 @@ class PanelPasses:
         else:
             R *= phases[1]
             y[...] = R.real
-
-    def _panel(self, part: Array, columns: slice) -> None:
-        """Multiply some frequencies of the last axis, in place."""
-        lines = self._lines(
-            workspace((*part.shape[:2], *self.lengths[:-1], part.shape[-1]), part.dtype)
-        )
-        lines[-1][...] = part
-        self._columns(lines, columns)
-        part[...] = lines[-1]
 
     def _lines(self, P: Array) -> list[Array]:
         """Return views of an extended field.
@@ -181,8 +172,3 @@ class PanelPasses:
                 if k:
                     Q[:, i] += part
         P[...] = Q
-
-
-def _slices(blocks: range, size: int, end: int) -> Iterator[slice]:
-    for block in blocks:
-        yield slice(block * size, min(end, (block + 1) * size))

@@ -291,18 +291,18 @@ class DiagonalisedProduct:
 
     def adjoint(self) -> "DiagonalisedProduct":
         """Return the multiplication by the conjugate transpose of a circulant."""
-        spectrum = self.spectrum.conj()
-        if self.grid_shape != self._grid:
-            spectrum = spectrum.swapaxes(0, 1)
-        return DiagonalisedProduct(
-            spectrum, self.fft_shape, self.grid_shape, self.dtype, self.transforms
+        is_coupled = self.grid_shape != self._grid
+        return self._like(
+            self.spectrum.conj().swapaxes(0, 1) if is_coupled else self.spectrum.conj(), self.dtype
         )
 
     def astype(self, dtype: DTypeLike) -> "DiagonalisedProduct":
         """Return the multiplication in another precision."""
-        return DiagonalisedProduct(
-            self.spectrum, self.fft_shape, self.grid_shape, dtype, self.transforms
-        )
+        return self._like(self.spectrum, dtype)
+
+    def _like(self, spectrum: Array, dtype: DTypeLike) -> "DiagonalisedProduct":
+        shapes = self.fft_shape, self.grid_shape
+        return DiagonalisedProduct(spectrum, *shapes, dtype, self.transforms)
 
     __call__ = multiply_rows
 

@@ -26,10 +26,7 @@ def multiply(A: Array, X: Array) -> Array:
 def factorise(A: Array) -> Array:
     """Return the Cholesky factor U of a symmetric matrix A = Uᵀ U, an upper triangle.
 
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where the matrix is not positive definite.
+    It raises a LinAlgError where the matrix is not positive definite.
     """
     U = np.triu(A)
     starts = range(0, len(A), BLOCK)
@@ -49,10 +46,7 @@ def factorise(A: Array) -> Array:
 def invert(A: Array) -> Array:
     """Return the inverse of a symmetric positive definite matrix of at most `BLOCK` rows.
 
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Where the matrix is not positive definite.
+    It raises a LinAlgError where the matrix is not positive definite.
     """
     factor, fails = dpotrf(A)
     # Of `dpotri` OpenBLAS makes threads.

@@ -195,17 +195,10 @@ def _plan(n: int, precision: str, by_mkl: bool) -> OneStep | FourStep:
 
 
 def in_batches(multiply: Callable[[Array, Array], None], X: Array, out: Array, size: int) -> None:
-    """Multiply rows into `out`, short ones in batches that threads share.
+    """Multiply rows, whose transforms have so many numbers, into `out`.
 
-    A long row is multiplied by itself, by what is shared itself.
-
-    Parameters
-    ----------
-    multiply : callable
-        Takes some rows, and where their products go.
-    X, out : ndarray of shape (rows, N)
-    size : int
-        The numbers of the transform of a row.
+    Short ones are in batches that threads share; a long one is multiplied by itself, by what is
+    shared itself.
     """
 
     def work(rows: slice) -> None:

@@ -22,16 +22,10 @@ from numpy.typing import DTypeLike
 from scipy.linalg import get_blas_funcs
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine.threads import (
-    PIECE,
-    WORTH_THREADS,
-    elementwise,
-    share,
-    share_slices,
-)
+from toeplitz_mg.engine import threads
+from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, share, share_rows, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
-AT_ONCE = 2 * PIECE  # Numbers up to which pieces take longer to begin than the cache saves.
 PART = 2**13  # Most numbers of a piece: OpenBLAS shares a vector of more than 10,000 among threads.
 
 # From a number, or an array of them, to those of all processes, in the same order in each of them.
@@ -124,7 +118,7 @@ def aypx(a: complex, x: Array, y: Array) -> Array:
 def _update(change: Callable[[Array, Array], None], x: Array, y: Array) -> Array:
     """Change y by x, of a long one piece by piece, and return it."""
     _require_contiguous(y)
-    if y.size <= AT_ONCE:
+    if y.size <= PIECE:
         change(x, y)
         return y
     x_line, y_line = x.reshape(-1), y.reshape(-1)
@@ -143,10 +137,7 @@ def add_combination(weights: Array, X: Array, y: Array) -> None:
     """Add the sum of the vectors along the first axis of X with these weights to y, as `axpy`."""
     _require_contiguous(y)
     rows, y = X.reshape(len(X), y.size), y.reshape(-1)
-    if y.size <= PART and y.dtype.kind == "f" and len(X) > 2:
-        y += np.einsum("k,kj->j", weights.astype(y.dtype), rows)
-        return
-    if y.dtype.kind == "c" or y.size <= PART:  # The sum below would take three times as long.
+    if y.dtype.kind == "c" or (y.size <= PART and len(X) <= 2):  # The sum below is slower then.
         add = _blas("axpy", y.dtype.char)
         for k in range(0, y.size, PART):
             for weight, row in zip(weights, rows, strict=True):
@@ -191,7 +182,7 @@ def _reduce(of_part: Callable[[Array], Any], combine: Callable[[list[Any]], Any]
         def work(part: slice) -> None:
             numbers[part.start] = of_part(x[part])
 
-        share_slices(work, len(x), max(1, PIECE * len(x) // x.size), x.size)
+        share_rows(work, x)
         return combine([numbers[start] for start in sorted(numbers)])
 
     return reduce
@@ -300,7 +291,7 @@ class Vectors:
     # These return what they compute, in `out`, their last argument: vectors that cannot be changed
     # have no other way.
     divide, subtract = np.divide, np.subtract
-    elementwise = staticmethod(elementwise)
+    elementwise = staticmethod(threads.elementwise)
     reshape: Any = staticmethod(np.ndarray.reshape)
     axpy = staticmethod(axpy)
     aypx = staticmethod(aypx)

@@ -11,7 +11,7 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, share, share_slices
-from toeplitz_mg.engine.vectors import AT_ONCE, PART, Gather, Vectors
+from toeplitz_mg.engine.vectors import PART, Gather, Vectors
 from toeplitz_mg.engine.workspace import workspace
 
 SHORT = 32  # Shortest row for which it pays to sum rows first, and then their sums exactly.
@@ -70,7 +70,7 @@ def row_dots(x: Array, y: Array, rows: Any) -> Array:
     if type(rows) is int:
         X, Y = x.reshape(-1, rows), y.reshape(-1, rows)
         return np.vecdot(X, Y) if x.size < WORTH_THREADS else _share_dots(X, Y)
-    if x.size <= AT_ONCE:
+    if x.size <= PIECE:
         return np.add.reduceat(x * y, rows)
     sums = np.empty(len(rows), np.result_type(x, y))
 

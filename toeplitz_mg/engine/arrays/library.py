@@ -14,21 +14,10 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.engine import fourier
+from toeplitz_mg.engine import fourier, products
 from toeplitz_mg.engine.krylov_space import Basis
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.passes import PanelPasses
-from toeplitz_mg.engine.products import (
-    COMPLEX_FOURIER,
-    COSINE,
-    DENSE,
-    FOURIER,
-    SINE,
-    DiagonalisedProduct,
-    ToeplitzProduct,
-    cast_numbers,
-    multiply_rows,
-)
 from toeplitz_mg.engine.threads import share_rows
 from toeplitz_mg.engine.transforms import cosine_sums
 from toeplitz_mg.engine.vectors import VECTORS, Gather, Vectors
@@ -45,13 +34,12 @@ class NumPy:
     """The library of NumPy's arrays, and of all that NumPy makes arrays of, as lists."""
 
     name, xp, fft, device, vectors = "numpy", np, fourier, "cpu", VECTORS
-    in_place = MappingProxyType(
-        {"overwrite_x": True}
-    )  # What lets `fft` use the memory of an array.
-    fourier, complex_fourier, cosine, sine = FOURIER, COMPLEX_FOURIER, COSINE, SINE
-    dense, passes = DENSE, PanelPasses
-    diagonalise, cosine_sums = staticmethod(DiagonalisedProduct), staticmethod(cosine_sums)
-    multiply_rows = staticmethod(multiply_rows)
+    in_place = MappingProxyType({"overwrite_x": True})  # It lets `fft` use an array's memory.
+    fourier, complex_fourier = products.FOURIER, products.COMPLEX_FOURIER
+    cosine, sine = products.COSINE, products.SINE
+    dense, passes = products.DENSE, PanelPasses
+    diagonalise = staticmethod(products.DiagonalisedProduct)
+    multiply_rows, cosine_sums = staticmethod(products.multiply_rows), staticmethod(cosine_sums)
 
     def basis(self, like: Array, dtype: DTypeLike, most: int) -> Basis:
         """Return memory for the vectors of a Krylov space, which are as another."""
@@ -76,7 +64,7 @@ class NumPy:
 
     def cast_numbers(self, array: Array, dtype: DTypeLike) -> Array:
         """Return real or complex numbers in the precision of a dtype of either kind."""
-        return np.ascontiguousarray(cast_numbers(array, dtype))
+        return np.ascontiguousarray(products.cast_numbers(array, dtype))
 
     def native(self, dtype: DTypeLike) -> DTypeLike:
         """Return the dtype of the library for one of NumPy's."""
@@ -100,13 +88,13 @@ class NumPy:
 
     from_numpy = to_numpy
 
-    def multiplication(self, a: Any) -> ToeplitzProduct | MultilevelProduct:
+    def multiplication(self, a: Any) -> products.ToeplitzProduct | MultilevelProduct:
         """Make the product with the matrix of some `Coefficients`, which takes a transform."""
         if a.array.ndim > 1:
             return MultilevelProduct.of(self, [[a]], a.dtype)
         column = a.column
         row = column if a.is_even else a.array[len(column) - 1 :: -1]
-        return ToeplitzProduct.of(column, row, a.dtype)
+        return products.ToeplitzProduct.of(column, row, a.dtype)
 
     def pad(self, array: Array, shape: tuple[int, ...]) -> Array:
         """Extend an array by zeros behind its last axes."""

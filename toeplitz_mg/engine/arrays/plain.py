@@ -15,16 +15,8 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
+from toeplitz_mg.engine.arrays import transforms
 from toeplitz_mg.engine.arrays.passes import PlainDiagonalised, PlainPasses
-from toeplitz_mg.engine.arrays.transforms import (
-    PlainTransforms,
-    along,
-    cosine_sums,
-    dct,
-    dst,
-    idct,
-    idst,
-)
 from toeplitz_mg.engine.embedding import zeros
 from toeplitz_mg.engine.multilevel import MultilevelProduct
 from toeplitz_mg.engine.products import Transforms
@@ -51,11 +43,14 @@ class Plain:
         self.name = xp.__name__.removeprefix("array_api_compat.")
         self.compiles = self.name == "jax.numpy"  # It waits for each operation, but for programs.
         self.vectors, self.vectors_of = PlainVectors(self), partial(PlainVectors, self)
-        self.fourier: Any = PlainTransforms(self, xp.fft.rfftn, xp.fft.irfftn)
-        self.complex_fourier: Any = PlainTransforms(self, xp.fft.fftn, xp.fft.ifftn)
-        self.cosine = Transforms(*(partial(along, f, self) for f in (dct, idct)))
-        self.sine = Transforms(*(partial(along, f, self) for f in (dst, idst)))
-        self.cosine_sums, self.invert = partial(cosine_sums, self), partial(truediv, 1.0)
+        pair, pairs = transforms.PlainTransforms, (("dct", "idct"), ("dst", "idst"))
+        self.fourier: Any = pair(self, xp.fft.rfftn, xp.fft.irfftn)
+        self.complex_fourier: Any = pair(self, xp.fft.fftn, xp.fft.ifftn)
+        self.cosine, self.sine = (
+            Transforms(*(partial(transforms.along, getattr(transforms, f), self) for f in names))
+            for names in pairs
+        )
+        self.cosine_sums, self.invert = partial(transforms.cosine_sums, self), partial(truediv, 1.0)
         self.diagonalise = partial(PlainDiagonalised, self)
         self.passes = partial(PlainPasses, self)
         self.basis = PlainBasis
