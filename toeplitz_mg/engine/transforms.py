@@ -102,23 +102,23 @@ class OneStep:
             The first factors of all terms of the sum, then the second ones, and so on: the shifts
             of the frequencies that diagonalise them, and their `eigenvalues`.
         """
-        n, L, count = X.shape[1], self.length, len(factors[0][0])
-        first = self._turns(factors[0][0])[0]
+        n, L, count, times = X.shape[1], self.length, len(factors[0][0]), np.multiply
+        stages = [(*self._turns(shifts), spectra) for shifts, spectra in factors]
 
         def work(part: slice) -> None:
             x = X[part]
             Z = workspace((count * len(x), L), self.dtype)
-            terms = [Z] if count == 1 else list(Z.reshape(count, -1, L))
-            for z, w in zip(terms, first, strict=True):
-                if w is None:
-                    z[:, :n] = x
-                else:
-                    np.multiply(x, w[:n], out=z[:, :n], casting="same_kind")
+            cuts = terms = [Z] if count == 1 else list(Z.reshape(count, -1, L))
             if n < L:
+                cuts = [z[:, :n] for z in terms]
                 Z[:, n:] = 0.0
-            for shifts, spectra in factors:
-                turns, turns_back, norm = self._turns(shifts)
-                if turns is not first:
+            for z, w in zip(cuts, stages[0][0], strict=True):
+                if w is None:
+                    z[...] = x
+                else:
+                    times(x, w[:n], z)
+            for k, (turns, turns_back, norm, spectra) in enumerate(stages):
+                if k:
                     _turn(terms, turns)
                 fourier.forward(Z)
                 for z, eigenvalues in zip(terms, spectra, strict=True):
@@ -126,10 +126,10 @@ class OneStep:
                     numbers *= eigenvalues
                 fourier.backward(Z, norm=norm)
                 _turn(terms, turns_back)
-            total, *others = terms
+            total, *others = cuts
             for other in others:
                 total += other
-            out[part] = total[:, :n] if out.dtype.kind == "c" else total.real[:, :n]
+            out[part] = total if out.dtype.kind == "c" else total.real
 
         share_slices(work, len(X), max(1, BATCH // (count * L)), len(X) * count * L)
 
@@ -170,7 +170,7 @@ class OneStep:
 def _turn(terms: list[Array], turns: list[Any]) -> None:
     for z, w in zip(terms, turns, strict=True):
         if w is not None:
-            np.multiply(z, w, out=z)
+            np.multiply(z, w, z)
 
 
 def phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
