@@ -312,16 +312,18 @@ def test_the_default_preconditioner_is_at_hand(xp, name):
     assert len(residuals) <= 40
 
 
-@pytest.mark.slow
-def test_the_blocks_of_the_readme_run_with_arrays_of_jax():
-    load_library("jax.numpy")
+@pytest.mark.parametrize("library", LIBRARIES[1:])
+def test_the_blocks_of_the_readme_run_with_arrays_of_jax_and_on_gpus(library):
+    load_library(library)
+    grid = 'np.meshgrid(np.arange(200.0), np.arange(300.0), indexing="ij")'  # As torch says it.
     text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     blocks = [block for block in blocks if "import numpy as np" in block]
     assert len(blocks) >= 2
     for block in blocks:
         names = {}
-        exec(block.replace("import numpy as np", "import jax.numpy as np"), names)
+        block = block.replace("np.indices((200, 300))", grid)
+        exec(block.replace("import numpy as np", f"import {library} as np"), names)
         assert all(not isinstance(value, np.ndarray) for value in names.values())
 
 
