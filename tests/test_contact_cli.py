@@ -515,3 +515,15 @@ def test_figures_as_json(capsys):
     found = json.loads(capsys.readouterr().out)
     assert_allclose(found["tangential_force"], [10.0, 0.0], atol=1e-6)
     assert_allclose(found["theory"]["force"], found["force"])
+
+
+def test_a_file_after_a_unit_is_read_and_its_figures_are_those_of_the_summary(tmp_path, capsys):
+    np.savetxt(tmp_path / "a.txt", np.random.default_rng(0).random((16, 16)))
+    options = "--force", "1", "--element", "1", "--unit", "nm", "um", str(tmp_path / "a.txt")
+    assert run("rough", *options, "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {"stiffness", "area", "contact_fraction", "mean_pressure", "energy"} < {*found}
+    assert_allclose(found["mean_pressure"] * found["area"], 1.0)
+    with pytest.raises(SystemExit):
+        run("rough", "--force", "1", "--element", "1", "a.txt")
+    assert "FILE goes before the options" in capsys.readouterr().err

@@ -3,13 +3,14 @@
 import gzip
 import struct
 import sys
+from contextlib import nullcontext
 from functools import partial
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from toeplitz_mg.contact import Material, normal_contact, surfaces
+from toeplitz_mg.contact import ContactWarning, Material, normal_contact, surfaces
 
 pytestmark = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
 RNG = np.random.default_rng(4)
@@ -33,6 +34,18 @@ def test_tables_need_no_library(name, tmp_path, monkeypatch):
     assert_allclose(surface.heights, 1e-6 * HEIGHTS)
     assert_allclose(surface.element, (2e-3, 2e-3))
     assert surfaces.read(tmp_path / name).element is None
+
+
+@pytest.mark.parametrize(
+    ("comment", "scale"),
+    [("heights in um", 1e-3), ("units: nm", 1e-6), ("z [µm]", 1e-3), ("x in mm, z in um", None)],
+)
+def test_a_comment_says_the_unit_of_heights_or_is_doubted(comment, scale, tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text(f"# {comment}\n1 2 3 4\n5 6 7 8\n", "utf-8")
+    with nullcontext() if scale else pytest.warns(ContactWarning, match=f"comment '# {comment}'"):
+        assert surfaces.read(path, element=0.1).heights[1, 3] == 8.0 * (scale or 1.0)
+    assert surfaces.read(path, element=0.1, unit="m").heights[1, 3] == 8000.0
 
 
 def test_only_heights_are_read_from_arrays(tmp_path):
