@@ -101,16 +101,13 @@ class MultilevelProduct:
 
     def adjoint(self) -> "MultilevelProduct":
         """Return the multiplication by the conjugate transpose; no transform is made."""
-        blocks, spectra = (
-            part and zip(*part, strict=True) for part in (self._blocks, self.spectrum)
-        )
-        return MultilevelProduct(
-            self.library,
-            self.grid_shape,
-            self.dtype,
-            blocks and _map(lambda a: a.transpose.conjugate, blocks),
-            spectra and _map(self.library.conj, spectra),
-        )
+
+        def turned(change: Callable[[Any], Any], rows: Any) -> Any:
+            return rows and _map(change, zip(*rows, strict=True))
+
+        blocks = turned(lambda a: a.transpose.conjugate, self._blocks)
+        spectra = turned(self.library.conj, self.spectrum)
+        return MultilevelProduct(self.library, self.grid_shape, self.dtype, blocks, spectra)
 
     def astype(self, dtype: DTypeLike) -> "MultilevelProduct":
         """Return the multiplication in another precision; no transform is made."""

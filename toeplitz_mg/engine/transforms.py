@@ -52,7 +52,7 @@ class OneStep:
         """
         if shifts not in self._kept:
             w = {shift: phase_factors(self.length, shift, self.dtype) for shift in shifts if shift}
-            scale = self.dtype.type(self.length if all(shifts) else 1.0)
+            scale = self.dtype.type(self.length if all(shifts) else 1)
             back = {shift: factors.conj() * scale for shift, factors in w.items()}
             norm = "backward" if all(shifts) else "forward"
             self._kept[shifts] = [*map(w.get, shifts)], [*map(back.get, shifts)], norm

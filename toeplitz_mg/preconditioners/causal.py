@@ -40,7 +40,7 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.arrays.library import NUMPY
 from toeplitz_mg.engine.embedding import around, split
-from toeplitz_mg.engine.passes import PANEL_BYTES
+from toeplitz_mg.engine.fourstep import PANEL_BYTES
 from toeplitz_mg.engine.threads import keep_bits, share_slices
 from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_work, points_of_transform

@@ -153,6 +153,7 @@ class Plain:
 
     def from_numpy(self, array: Array) -> Any:
         """Return NumPy's array as one of this library, on its device."""
+        array = array if array.flags.writeable else array.copy()  # torch would warn.
         return self.xp.asarray(array, dtype=self.native(array.dtype), device=self.device)
 
     def multiplication(self, a: Any) -> MultilevelProduct:
