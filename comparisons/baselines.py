@@ -217,10 +217,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         "baselines", "Compare every method on one system.", argv=argv, sizes=[]
     )
     sizes = arguments.sizes or (QUICK_SIZES if arguments.quick else SIZES)
-    form = partial(report.format_cells, formats=FORMATS)
     room = {"n": 7, "method": 25, "setup_s": 8, "solve_s": 8, "peak_mb": 7, "residual": 8}
     title = "Each method to a true residual of 1e-8: CPU seconds, and MB of memory"
-    table = report.Table(title, arguments.output / "baselines.csv", form, room)
+    table = report.Table(title, arguments.output / "baselines.csv", FORMATS, room)
     table.extend(run(METHODS, sizes))
     plot(table.rows, arguments.output / "baselines.png")
 

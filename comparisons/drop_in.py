@@ -185,8 +185,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         return
     sizes = arguments.sizes or (QUICK_SIZES if arguments.quick else SIZES)
     room = {"symbol": 12, "seconds": 8, "method": 40}
-    form = partial(report.format_cells, formats=FORMATS)
-    table = report.Table("Seconds", arguments.output / "drop_in.csv", form, room)
+    table = report.Table("Seconds", arguments.output / "drop_in.csv", FORMATS, room)
     names, rtol = arguments.symbols or SYMBOLS, 10.0**-arguments.digits
     table.extend(run(sizes, names, arguments.columns, rtol))
     report.show("The largest ratios to the faster rival, and where", worst(table.rows))

@@ -315,9 +315,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         fits.compare(),
     )
     for (key, (title, formats)), rows in zip(TABLES.items(), measured, strict=True):
-        form = partial(report.format_cells, formats=formats)
         path = arguments.output / f"{key}.csv"
-        report.Table(title, path, form, {"covariance": 18}).extend(rows)
+        report.Table(title, path, formats, {"covariance": 18}).extend(rows)
 
 
 if __name__ == "__main__":

@@ -42,6 +42,8 @@ TARGET = 1e-8  # Violation of the conditions of contact that is allowed.
 SECONDS = 300.0  # Time after which a method is given up on a problem.
 REPEATS = 3  # Solves of which the median time counts.
 OURS = "toeplitz-mg"
+FORMATS = {"problem": "", "N": "", "method": "", "iterations": "d", "products": ".0f"}
+FORMATS |= {"cpu_s": ".3f", "violation": ".1e", "traction_error": ".1e", "asked": ".3g", "note": ""}
 REPEATED = "rough, repeated, "  # Problems on surfaces that repeat start with this.
 
 
@@ -300,14 +302,6 @@ def run(
                 table.add(row | row_or_note(partial(measure, method, problem), SECONDS))
 
 
-def form(row: Row) -> Row:
-    """Return a row as it is printed."""
-    formats = {"iterations": "d", "products": ".0f", "cpu_s": ".3f", "violation": ".1e"}
-    formats |= {"traction_error": ".1e", "asked": ".3g"}
-    names = {key: row[key] for key in ("problem", "N", "method")}
-    return names | report.format_cells(row, formats) | {"note": row["note"]}
-
-
 def arrange_repeated(rows: Sequence[Row]) -> list[Row]:
     """Return the table of CPU times over that of the faster way of `aspher`, where both repeat."""
     table: dict[int, Row] = {}
@@ -332,9 +326,9 @@ def main(
         "peers", "A contact problem by this package and by others.", argv=argv
     )
     chosen = problems(64) if arguments.quick else problems(256, (512, 1024))
-    title = f"Each as accurate as {TARGET:g} takes"
-    room = {"problem": 34, "method": 22}
-    run(report.Table(title, arguments.output / "peers.csv", form, room), chosen, normal, friction)
+    title, path = f"Each as accurate as {TARGET:g} takes", arguments.output / "peers.csv"
+    table = report.Table(title, path, FORMATS, {"problem": 34, "method": 22})
+    run(table, chosen, normal, friction)
 
 
 if __name__ == "__main__":

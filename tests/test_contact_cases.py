@@ -91,8 +91,8 @@ def fails(problem, tolerance):
 
 
 def test_what_a_peer_cannot_do_is_noted():
-    table = report.Table("peers", form=peers.form)
+    table = report.Table("peers", form=peers.FORMATS)
     peers.run(table, [peers.Problem("x", 64)], {"fails": ("numpy", fails)}, {})
     (row,) = table.rows
     assert row["method"] == "fails"
-    assert "it diverged" in peers.form(row)["note"]
+    assert "it diverged" in table.form(row)["note"]

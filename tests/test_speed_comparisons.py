@@ -57,6 +57,8 @@ def test_arrays_of_another_library(tmp_path, capsys):
     (row,) = report.read_csv(tmp_path / "gpu_areas.csv")
     assert row["unknowns"] == round(0.4 * 32**2)
     assert row["iterations"] == row["on NumPy"]
+    (row,) = report.read_csv(tmp_path / "gpu_blocks.csv")
+    assert all(seconds > 0.0 for name, seconds in row.items() if name.endswith(", s"))
     (row,) = report.read_csv(tmp_path / "gpu_contact.csv")
     assert row["products"] == row["on NumPy"]
     assert row["elements that differ"] == 0

@@ -95,18 +95,19 @@ def interruptible(main: Callable[P, None]) -> Callable[P, None]:
 class Table:
     """A table that is printed while it grows, a row when it is measured, and kept in a CSV file.
 
-    `form` makes the cells that are printed of a row; `room` has the characters of columns whose
-    first cell is shorter than those that are to come. `rows` is what was measured.
+    `form` makes the cells that are printed of a row, or is their formats; `room` has the characters
+    of columns whose first cell is shorter than those that are to come. `rows` is what was measured.
     """
 
     def __init__(
         self,
         title: str,
         path: Path | None = None,
-        form: Callable[[Row], Row] = dict,
+        form: Callable[[Row], Row] | Mapping[str, str] = dict,
         room: Mapping[str, int] | None = None,
     ) -> None:
-        self.title, self.path, self.form, self.room = title, path, form, room or {}
+        self.title, self.path, self.room = title, path, room or {}
+        self.form = form if callable(form) else functools.partial(format_cells, formats=form)
         self.rows: list[Row] = []
         self._widths: dict[str, int] = {}
 

@@ -5,8 +5,9 @@ its four transforms, as they are called, on fields that they extend by zeros and
 exchange, and bare, of what lies as they like it best; iterations of CG with the cosine
 preconditioner, the seconds from the coefficients to the solution, and the most bytes that are held
 meanwhile. The same with FSAI on an area in fragments. For normal contact of a sphere the products,
-and the seconds from the gap to the result, also of the first time, when some libraries compile.
-NumPy's arrays have all threads. It says on what it ran: figures of a CPU say nothing about a GPU.
+and the seconds from the gap to the result, also of the first time, when some libraries compile. For
+README's blocks the seconds. NumPy's arrays have all threads. It says on what it ran: figures of a
+CPU say nothing about a GPU.
 """
 
 import gc
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -48,6 +50,8 @@ AREAS |= {"set-up, s": ".2g", "set-up on NumPy, s": ".2g"}
 AREAS |= {"solve, s": ".2g", "solve on NumPy, s": ".2g"}
 PRESSED = {"device": "", "n": "", "first time, s": ".2g", "s": ".2g", "on NumPy, s": ".2g"}
 PRESSED |= {"products": "", "on NumPy": "", "elements that differ": "", "bytes an element": ".0f"}
+BLOCKS = {"device": "", "n": "", "solve, s": ".2g", "solve on NumPy, s": ".2g", "cg, s": ".2g"}
+BLOCKS |= {"cg on NumPy, s": ".2g", "gradient, s": ".2g", "gradient on NumPy, s": ".2g"}
 
 
 class Device:
@@ -194,9 +198,8 @@ def time_solve(device: Device, c: Array) -> tuple[int, float]:
     """Return the iterations from the coefficients to the solution, and the seconds."""
     there, b = device.put(c), device.put(np.ones(c.size))
     device.wait(b)
-    start = perf_counter()
-    solution, iterations = solve(there, b)
-    device.wait(solution)
+    start, (x, iterations) = perf_counter(), solve(there, b)
+    device.wait(x)
     return iterations, perf_counter() - start
 
 
@@ -245,6 +248,27 @@ def measure_contact(device: Device, n: int) -> Row:
     return row
 
 
+def measure_blocks(device: Device, n: int) -> Row:
+    """Return what README's blocks take for n² unknowns; of the likelihood with its gradient."""
+    k, (i, j) = np.arange(float(n * n)), np.indices((n, n))
+    mask, y = abs(i - j) > n // 20, np.random.default_rng(0).standard_normal(n * n)
+
+    def masked(c: Any, b: Any) -> Any:
+        A = tmg.MaskedOperator(tmg.ToeplitzOperator(c), mask)
+        return iterate(A, b, tmg.default_preconditioner(A))[0]
+
+    row: Row = {"device": device.name, "n": f"{n} x {n}"}
+    for name, call, *given in (
+        ("solve", tmg.solve_toeplitz, 1.0 / (1.0 + k), np.ones(n * n)),
+        ("cg", masked, np.exp(-np.hypot(i, j) / 20.0), np.ones(int(mask.sum()))),
+        ("gradient", lambda c, y: tmg.ToeplitzNormal(c).logpdf_and_grad(y)[1], 0.99**k, y),
+    ):
+        there = [device.put(array) for array in given]
+        row[f"{name}, s"] = device.time(partial(call, *there))
+        row[f"{name} on NumPy, s"] = time_call(partial(call, *given))[1]
+    return row
+
+
 arrange, arrange_areas, arrange_contact = (
     partial(report.format_rows, columns) for columns in (PRODUCTS, AREAS, PRESSED)
 )
@@ -252,14 +276,16 @@ arrange, arrange_areas, arrange_contact = (
 
 def run(folder: Path, *, libraries: Sequence[str], sizes: Sequence[int] = SIZES) -> None:
     """Measure everything with some libraries, a table at a time."""
+    if missing := [library for library in libraries if find_spec(library) is None]:
+        print(f"Not installed, and left out: {', '.join(missing)}")
     for title, name, columns, of_size, largest in (
         ("Products and solves, and the device", "gpu.csv", PRODUCTS, measure, max(sizes)),
         ("FSAI on areas in fragments", "gpu_areas.csv", AREAS, measure_area, CONTACT),
         ("Normal contact", "gpu_contact.csv", PRESSED, measure_contact, CONTACT),
+        ("Blocks of README", "gpu_blocks.csv", BLOCKS, measure_blocks, COMPARED // 2),
     ):
-        form = partial(report.format_cells, formats=columns)
-        table = report.Table(title, folder / name, form, {"device": 24, "n": 13})
-        for library in libraries:
+        table = report.Table(title, folder / name, columns, {"device": 24, "n": 13})
+        for library in filter(find_spec, libraries):
             device = Device(library)
             for n in sizes:
                 if n <= largest:

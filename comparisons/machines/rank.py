@@ -84,14 +84,10 @@ def measure_memory(comm: CountingCommunicator, n: int, what: str) -> dict[str, A
     c, mask = coefficients(n, slab.rows), disc(n, slab.rows)
     comm.allgather(None)
     before = peak_bytes()
-    make = f"{name.lower()}_preconditioner"
-    A: Any
-    if serial:
-        A = tmg.MaskedOperator(tmg.ToeplitzOperator(c), mask)
-        M = getattr(tmg, make)(A)
-    else:
-        A = slabs.MaskedOperator(slabs.ToeplitzOperator(c, slab), mask)
-        M = getattr(slabs, make)(A)
+    package: Any = tmg if serial else slabs
+    full = tmg.ToeplitzOperator(c) if serial else slabs.ToeplitzOperator(c, slab)
+    A = package.MaskedOperator(full, mask)
+    M = getattr(package, f"{name.lower()}_preconditioner")(A)
     tmg.cg(A, np.ones(A.shape[0]), M=M, rtol=RTOL, maxiter=3)
     rises = comm.allgather(peak_bytes() - before)
     return {"ranks": comm.size, "n": n, "what": what, "MB": max(rises) / 1e6}

@@ -19,7 +19,6 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Iterator, Sequence
-from functools import partial
 from math import log2
 from pathlib import Path
 from typing import NamedTuple
@@ -88,14 +87,10 @@ def run(
     memory: int = 4096,
 ) -> None:
     """Run the jobs, and print their tables."""
-    form = partial(report.format_cells, formats=TIMES)
-    report.Table("Times of all ranks", folder / "scaling.csv", form, {"kind": 6, "n": 6}).extend(
-        times(launcher, nodes, side, strong)
-    )
-    form = partial(report.format_cells, formats=MEMORY)
-    report.Table("Memory of a rank", folder / "memory.csv", form, {"what": 13}).extend(
-        memories(launcher, nodes, memory)
-    )
+    table = report.Table("Times of all ranks", folder / "scaling.csv", TIMES, {"kind": 6, "n": 6})
+    table.extend(times(launcher, nodes, side, strong))
+    table = report.Table("Memory of a rank", folder / "memory.csv", MEMORY, {"what": 13})
+    table.extend(memories(launcher, nodes, memory))
     report.Table("The model", folder / "model.csv").extend(modelled(NODE, model))
 
 
@@ -171,6 +166,4 @@ def modelled(node: Node, model: Sequence[int]) -> Iterator[Row]:
         row |= {"message MB": f"{p.message / 1e6:.2g}" if nodes > 1 else ""}
         row |= {"product s": f"{p.product:.2f}", "of it messages s": f"{p.exchange:.2f}"}
         row |= {"CG + FSAI s": f"{10 * p.fsai:.0f}"}
-        yield row | {
-            "CG + cosine s": f"{20 * p.cosine:.0f}",
-        }
+        yield row | {"CG + cosine s": f"{20 * p.cosine:.0f}"}

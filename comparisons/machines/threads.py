@@ -94,7 +94,7 @@ def run(folder: Path, *, cores: int, sides: Sequence[int] = SIDES, turns: int = 
     if fixed := os.environ.get("OMP_NUM_THREADS"):
         print(f"OMP_NUM_THREADS is {fixed}, and so are threads of bare transforms: better unset it")
     print("Load of the machine: " + ", ".join(f"{load:.1f}" for load in os.getloadavg()))
-    form, room = partial(report.format_cells, formats=FORMATS), {"task": 30, "n": 8}
-    table = report.Table("What threads gain", folder / "threads.csv", form, room)
+    room = {"task": 30, "n": 8}
+    table = report.Table("What threads gain", folder / "threads.csv", FORMATS, room)
     for side in sides:
         table.extend(measure(side, turns, workers))

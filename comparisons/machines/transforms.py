@@ -89,8 +89,7 @@ def run(
     folder: Path, *, shapes: Sequence[tuple[int, ...]] = SHAPES + GRIDS, turns: int = TURNS
 ) -> None:
     """Time everything, a grid at a time."""
-    form = partial(report.format_cells, formats=FORMATS)
-    table = report.Table("Whose transforms", folder / "transforms.csv", form, {"grid": 14})
+    table = report.Table("Whose transforms", folder / "transforms.csv", FORMATS, {"grid": 14})
     for shape in shapes:
         table.extend(measure(shape, turns))
 

@@ -36,6 +36,9 @@ LINES = (2**14, 2**17, 2**20)
 AREAS = (*masks.FRAGMENTED, *masks.ON_A_LINE)
 COUPLED = ("full", "circle", "rough, 30 %")  # Areas of the coupled problem.
 TABULATED = ("none", "T. Chan", "cosine", "sine", "M", "FSAI")  # In appendix/preconditioners.md.
+FORMATS = {"area": "", "problem": "", "n": "", "method": "", "random": "", "random_s": ".3g"}
+FORMATS |= {"random_units": ".1f", "constant": "", "constant_s": ".3g", "setup_s": ".2g"}
+FORMATS["note"] = ""
 SHOWN = 128  # Elements across the grid whose pressures are drawn.
 TABULATED_SIZE, TABULATED_LINE = 512, 2**17
 
@@ -73,7 +76,7 @@ def run(
     methods: Sequence[str] = tuple(PRECONDITIONERS),
 ) -> None:
     """Measure preconditioners on areas of some sizes."""
-    table = report.Table(TITLE, folder / "areas.csv", form, {"area": 17, "method": 10})
+    table = report.Table(TITLE, folder / "areas.csv", FORMATS, {"area": 17, "method": 10})
     for area in areas:
         for n in lines if area in masks.ON_A_LINE else sizes:
             for problem in ("normal", "coupled") if area in COUPLED else ("normal",):
@@ -84,14 +87,6 @@ def run(
                     row: Row = {"area": area, "problem": problem, "n": n, "method": method}
                     job = partial(measure, method, A, small)
                     table.add(row | {"random_s": nan} | row_or_note(job, SECONDS))
-
-
-def form(row: Row) -> Row:
-    """Return a row as it is printed."""
-    formats = {"random": "", "random_s": ".3g", "random_units": ".1f", "constant": ""}
-    formats |= {"constant_s": ".3g", "setup_s": ".2g", "note": ""}
-    names = {key: row[key] for key in ("area", "problem", "n", "method")}
-    return names | report.format_cells(row, formats)
 
 
 def arrange_all(rows: Sequence[Row]) -> list[Row]:

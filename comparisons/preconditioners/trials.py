@@ -17,9 +17,11 @@ from comparisons.harness.report import Row
 from comparisons.systems import masks
 from toeplitz_mg._typing import Array
 
-TITLE = "Work units of CG where a trial chooses; – : refused; inf: over 300 iterations"
+TITLE = "Work units of CG where a trial chooses; empty: refused; inf: over 300 iterations"
 SIZES = (64, 256)
 METHODS = ("none", "FSAI", "cosine", "sine", "T. Chan")
+FORMATS = dict.fromkeys(("kernel", "area", "n"), "")
+FORMATS |= dict.fromkeys(("trial", "default", *METHODS), ".1f")
 MAXITER = 300  # Iterations after which a method is given up.
 AREAS: dict[str, Callable[[int], Array]] = {
     "full": masks.FRAGMENTED["full"],
@@ -54,7 +56,7 @@ KERNELS: dict[str, Callable[[Array, Array], Array]] = {
 
 def run(folder: Path, sizes: Sequence[int] = SIZES) -> None:
     """Measure all of them on every system, and print a row for each."""
-    table = report.Table(TITLE, folder / "trials.csv", form, {"kernel": 32, "area": 14})
+    table = report.Table(TITLE, folder / "trials.csv", FORMATS, {"kernel": 32, "area": 14})
     for n in sizes:
         for kernel, f in KERNELS.items():
             full = tmg.ToeplitzOperator(f(*np.indices((n, n)).astype(float)))
@@ -71,10 +73,3 @@ def run(folder: Path, sizes: Sequence[int] = SIZES) -> None:
                     if method == "default":
                         row["trial"] = run.setup_units
                 table.add(row)
-
-
-def form(row: Row) -> Row:
-    """Return a row as it is printed."""
-    cells = {method: row.get(method) for method in ("trial", "default", *METHODS)}
-    shown = {method: "–" if units is None else f"{units:.1f}" for method, units in cells.items()}
-    return {key: row[key] for key in ("kernel", "area", "n")} | shown
