@@ -108,7 +108,8 @@ def solve_system(system: ToeplitzSystem, rtol: float | None) -> tuple[Rows, Foun
     reason = "A is singular, exactly or numerically, or x is beyond the largest number"
     if system.n > LARGEST_DENSE:
         reason += f", or none of the methods for more than {LARGEST_DENSE} unknowns solves it"
-    raise np.linalg.LinAlgError(reason + tried)
+    remedy = ": use toeplitz_lstsq((c, r), b, damp) for a least-squares solution"
+    raise np.linalg.LinAlgError(reason + remedy + tried)
 
 
 def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None) -> Attempt:
