@@ -344,6 +344,7 @@ def test_what_contradicts_the_fields_is_refused():
     """No copy has a wrong number: what follows from the fields does, or is refused by name."""
     for result, changes in (
         (PRESSED, {"pressure": 2.0 * PRESSED.pressure, "area": 0.0, "gap": PRESSED.gap + np.inf}),
+        *((PRESSED, {"pressure": PRESSED.pressure + x}) for x in (np.nan, np.inf, -1.0)),
         (PRESSED, {"force": 1.0, "approach": np.nan, "energy": "a", "shape": (32, 48)}),
         (PRESSED, {"touches_edge": True, "max_pressure": 1.0, "contact": ~PRESSED.contact}),
         (SHIFTED, {"stick_area": 0.1, "moment": 1.0, "slip": -SHIFTED.slip, "stick": np.ones(3)}),
@@ -355,15 +356,9 @@ def test_what_contradicts_the_fields_is_refused():
         for name, value in changes.items():
             with pytest.raises((ValueError, TypeError), match=name if name != "slip" else "power"):
                 replace(result, **{name: value})
-    for value in (np.nan, np.inf, -1.0):
-        pressure = PRESSED.pressure.copy()
-        pressure[24, 16] = value
-        with pytest.raises(ValueError, match="pressure"):
-            replace(PRESSED, pressure=pressure)
 
 
 def test_a_stiffness_is_of_its_own_bodies_and_pressures():
-    k = PRESSED.stiffness
-    assert replace(PRESSED, warnings=("a",)).stiffness == k
+    assert replace(PRESSED, warnings=("a",)).stiffness == PRESSED.stiffness
     assert replace(PRESSED, periodic=(True, True)).stiffness is None
-    assert replace(PRESSED, material=press_unlike(SPHERE, 0.1).normal.material).stiffness is None
+    assert replace(PRESSED, material=BOTH.normal.material).stiffness is None

@@ -5,6 +5,7 @@ import json
 import os
 import pickle
 from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
@@ -56,15 +57,13 @@ CYLINDER = surfaces.cylinder(64, 0.025, radius=1.0), 0.025
 BOTH_LINE = press_unlike(CYLINDER, 0.1, press_unlike(CYLINDER, 0.05))
 PRESSED_UNLIKE = normal_contact(*SPHERE, material=BOTH.normal.material, force=0.1)
 BELOW_A_LINE = contact.subsurface_stresses(ROLLED_LINE, depths=0.1)
+BEYOND = {"mu": 0.3, "force": (0.3 * PRESSED.force, 0.0)}
+SLIDE = contact.rolling, partial(contact.creep_curve, spin=[0.0, 0.1])
 with pytest.warns(contact.ContactWarning, match="creepages"):  # They, slip and power are NaN.
-    SLIDES = contact.rolling(PRESSED, mu=0.3, force=(0.3 * PRESSED.force, 0.0))
+    SLIDING = [roll(PRESSED, **BEYOND) for roll in SLIDE]
 SAVED = [*ALL, WITH_ALL, BONDED, PRESSED_UNLIKE, BOTH, BOTH_LINE, CURVE, STRESSES, BELOW_A_LINE]
-FULL = normal_contact(
-    np.zeros((16, 16)), (0.1, 0.1), material=PRESSED.material, force=1.0, periodic=True
-)
-with pytest.warns(contact.ContactWarning, match="creepages"):
-    ALL_SLIDES = contact.creep_curve(PRESSED, mu=0.3, force=SLIDES.force, spin=[0.0, 0.1])
-SAVED += [SLIDES, FULL, ALL_SLIDES]
+FULL = normal_contact(np.zeros(16), 0.1, material=PRESSED.material, force=1.0, periodic=True)
+SAVED += [*SLIDING, FULL]
 
 
 @pytest.mark.parametrize("result", SAVED)
@@ -140,14 +139,13 @@ def refusal(path):
 
 
 def test_other_files_are_no_results(tmp_path):
-    PRESSED.save(tmp_path / "whole.npz")
-    whole = (tmp_path / "whole.npz").read_bytes()
-    with np.load(tmp_path / "whole.npz") as file:
-        about = json.loads(str(file["about"])) | {"kind": "Sum"}
+    PRESSED.save(tmp_path / "half.npz")
+    whole = (tmp_path / "half.npz").read_bytes()
     (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "text.npz").write_text("nothing")
     np.savez(tmp_path / "arrays.npz", x=np.ones(3))
     np.savez(tmp_path / "foreign.npz", about=np.array('{"format": "of another"}'))
+    about = {"format": "toeplitz_mg contact result", "kind": "Sum"}
     np.savez(tmp_path / "kind.npz", about=np.array(json.dumps(about)))
     with (tmp_path / "one.npz").open("wb") as file:
         np.save(file, np.ones(3))
@@ -194,26 +192,19 @@ def damaged(path, result, about=None, **arrays):
         ({"about": {"shape": (32, 48)}}, "has shape"),
         ({"about": {"shape": (2**22,)}, "x": np.zeros(2**22)}, "x has 33554560 bytes, compressed"),
         ({"about": {"force": "0.1"}}, "force is '0.1', but must be a number"),
-        ({"about": {"radius": 1.0}}, "radius is given, but a NormalResult has no such field"),
         ({"about": {"pressure": 1.0}}, "pressure is 1.0, but must be an array"),
         ({"about": {"energy": 10**400}}, "energy has inf, but must be finite"),
-        ({"gap": PRESSED.gap.astype(np.float16)}, "gap is of type float16, but must be of float64"),
     ],
 )
 def test_what_is_not_of_its_grid_is_refused(arrays, message, tmp_path):
     refuses(ValueError, message, contact.load, damaged(tmp_path / "x.npz", PRESSED, **arrays))
 
 
-def test_members_that_are_there_twice_or_not_at_all_are_refused(tmp_path):
-    path, less = tmp_path / "x.npz", tmp_path / "y.npz"
-    SHIFTED.save(path)
-    with ZipFile(path) as file, ZipFile(less, "w") as other:
-        for name in set(file.namelist()) - {"slip.npy"}:
-            other.writestr(name, file.read(name))
-    refuses(ValueError, "slip is missing, but a TangentialResult has it", contact.load, less)
-    with ZipFile(path, "a") as file, pytest.warns(UserWarning, match="Duplicate"):
+def test_a_member_that_is_there_twice_is_refused(tmp_path):
+    SHIFTED.save(tmp_path / "x.npz")
+    with ZipFile(tmp_path / "x.npz", "a") as file, pytest.warns(UserWarning, match="Duplicate"):
         file.writestr("slip.npy", b"")
-    refuses(ValueError, "slip is there 2 times, but must be once", contact.load, path)
+    refuses(ValueError, "slip is there 2 times", contact.load, tmp_path / "x.npz")
 
 
 def test_what_belongs_to_no_field_is_not_read(tmp_path):

@@ -142,9 +142,8 @@ def test_stresses_of_von_mises_and_tresca_are_those_of_the_principal_stresses():
     components[:, 0] = 0.0
     components[:3, 0] = rng.standard_normal()  # A pressure all round: no shear at all.
     components[3:, 1] = 0.0
-    stresses = Stresses(
-        "first", np.zeros(3), (np.arange(-2.0, 3.0), np.arange(-1.5, 2.0)), components
-    )
+    centres = np.arange(-2.0, 3.0), np.arange(-1.5, 2.0)
+    stresses = Stresses("first", np.zeros(3), centres, components)
     principal = np.linalg.eigvalsh(np.moveaxis(components[VOIGT], (0, 1), (-2, -1)))
     low, middle, high = np.moveaxis(principal, -1, 0)
     squares = (high - low) ** 2 + (high - middle) ** 2 + (middle - low) ** 2

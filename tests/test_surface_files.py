@@ -41,11 +41,9 @@ def test_tables_need_no_library(name, tmp_path, monkeypatch):
     [("heights in um", 1e-3), ("units: nm", 1e-6), ("z [µm]", 1e-3), ("x in mm, z in um", None)],
 )
 def test_a_comment_says_the_unit_of_heights_or_is_doubted(comment, scale, tmp_path):
-    path = tmp_path / "a.txt"
-    path.write_text(f"# {comment}\n1 2 3 4\n5 6 7 8\n", "utf-8")
+    (path := tmp_path / "a.txt").write_text(f"# {comment}\n1 2 3 4\n5 6 7 8\n", "utf-8")
     with nullcontext() if scale else pytest.warns(ContactWarning, match=f"comment '# {comment}'"):
         assert surfaces.read(path, element=0.1).heights[1, 3] == 8.0 * (scale or 1.0)
-    assert surfaces.read(path, element=0.1, unit="m").heights[1, 3] == 8000.0
 
 
 def test_only_heights_are_read_from_arrays(tmp_path):
