@@ -378,7 +378,7 @@ NO_TABLE = "is not a table of numbers with points for decimals"
         ("0,5;0,3\n0,1;0,2\n", NO_TABLE),  # Decimal commas would be two numbers each.
         ("# a, b\n1,2,3\n4,x,6\n", "line 3 has 'x' in column 2"),
         ("1,2,\n", "line 1 has nothing in column 3"),
-        ("1;2;3\n\n4;5\n", "line 3 has 2 numbers, and those above 3"),
+        ("1;2;3\n\n4;5\n", "line 3 has 2 numbers, but above are 3"),
     ],
 )
 def test_text_that_is_no_table_is_refused_in_one_line(folder, text, message, capsys):

@@ -149,7 +149,7 @@ def test_what_float64_does_not_reach_is_said():
     ],
 )
 def test_refuses_what_is_not_positive_definite_and_says_by_which_n(c, n):
-    message = rf"leading {n} x {n} block .* (nugget|with a larger c\[0\])"
+    message = rf"leading {n} x {n} block .* (nugget|use a larger c\[0\])"
     refuses(np.linalg.LinAlgError, message, tmg.toeplitz_logdet, c)
 
 
@@ -164,7 +164,7 @@ def test_refuses_what_is_not_positive_definite_and_says_by_which_n(c, n):
         (scipy.linalg.toeplitz([4.0, 1.0, 0.5]), ValueError, "must have one axis"),
         ([2.0 + 1.0j, 1.0], ValueError, "must be real"),
         ([2.0, np.nan], ValueError, "finite"),
-        (tmg.ToeplitzOperator([2.0, 1.0]), TypeError, r"write toeplitz_logdet\(A\.c\), or toepl"),
+        (tmg.ToeplitzOperator([2.0, 1.0]), TypeError, r"use toeplitz_logdet\(A\.c\), or toepl"),
     ],
 )
 def test_refuses_bad_arguments(c, error, message):

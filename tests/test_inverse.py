@@ -79,7 +79,7 @@ def test_refuses_bad_arguments_and_says_what_it_cannot_meet():
     for rtol in (0.0, -1.0, np.nan):
         refuses(ValueError, "rtol is", tmg.toeplitz_inverse, A, rtol=rtol)
     A = tmg.ToeplitzOperator(column("(2 - 2 cos θ)²", 4096))
-    refuses(np.linalg.LinAlgError, r"achieved is .*1.0e-10 was asked", tmg.toeplitz_inverse, A)
+    refuses(np.linalg.LinAlgError, r"achieved is .* at most 1.0e-10", tmg.toeplitz_inverse, A)
     for c in ([1.0, 2.0], [1.0, 2.0, 3.0, 4.0], [-1.0], [0.0, 0.0]):
         with pytest.raises(np.linalg.LinAlgError):
             tmg.toeplitz_inverse(tmg.ToeplitzOperator(c))

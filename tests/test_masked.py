@@ -77,5 +77,5 @@ def test_a_part_is_as_symmetric_as_the_whole():
 def test_a_masked_preconditioner_has_one_precision():
     M = tmg.cosine_preconditioner(tmg.MaskedOperator(whole(), random_mask(0)))
     assert M.astype(np.float64) is M
-    with pytest.raises(TypeError, match="made in one precision: give its function the dtype"):
+    with pytest.raises(TypeError, match="fixed precision: give dtype to its function"):
         M.astype(np.float32)

@@ -522,7 +522,7 @@ PART = tmg.MaskedOperator(LINE, np.arange(600) < 500)
         (tmg.ToeplitzOperator([4.0, 1.0], [4.0, 2.0]), {}, ValueError, "must be symmetric"),
         (LINE, {"coarsen": lambda A: A}, ValueError, r"the grid \(600,\), but it must be \(300,\)"),
         (LINE, {"coarsen": 3}, TypeError, "coarsen is 3, but must map a matrix to the next"),
-        (PART, {"coarsen": lambda A: tmg.galerkin(A.full)}, ValueError, "another mask"),
+        (PART, {"coarsen": lambda A: tmg.galerkin(A.full)}, ValueError, "its mask must be that"),
         (LINE, {"coarsen": lambda A: np.eye(300)}, TypeError, "must be a ToeplitzOperator"),
         (LINE, {"smoother": lambda A: np.eye(2)}, ValueError, r"smoother has shape \(2, 2\)"),
         (LINE, {"smoother": lambda A: None}, TypeError, "type not understood"),

@@ -91,7 +91,7 @@ def test_refuses_bad_arguments():
     refuses(np.linalg.LinAlgError, "diagonal", tmg.reflection_coefficients, [-1.0, 0.0])
     refuses(ValueError, "must have one axis", tmg.reflection_coefficients, [[2.0, 1.0], [0.5, 0.1]])
     refuses(ValueError, "must be real", tmg.reflection_coefficients, [2.0 + 1.0j, 1.0])
-    with pytest.raises(TypeError, match=r"write reflection_coefficients\(A\.c\)"):
+    with pytest.raises(TypeError, match=r"use reflection_coefficients\(A\.c\)"):
         tmg.reflection_coefficients(tmg.ToeplitzOperator([2.0, 1.0]))
 
 

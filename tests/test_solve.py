@@ -390,7 +390,7 @@ def test_a_singular_system_leaves_the_others_of_a_batch():
     c, b = frames(100, 5)
     c[7] = 0.0
     expected = tmg.solve_toeplitz(np.delete(c, 7, axis=0), np.delete(b, 7, axis=0)[..., np.newaxis])
-    with pytest.raises(np.linalg.LinAlgError, match=r"of the system \(7,\)"):
+    with pytest.raises(np.linalg.LinAlgError, match=r"system \(7,\)"):
         tmg.solve_toeplitz(c, b[..., np.newaxis])
     x, info = tmg.solve_toeplitz(c, b[..., np.newaxis], on_singular="nan", full_output=True)
     assert np.isnan(x[7]).all()

@@ -143,7 +143,7 @@ def test_what_it_is_not_for():
     with pytest.raises(ValueError, match="shape mismatch"):
         A @ sparse.eye_array(5)
     for number in (1, 0.5, np.float64(2)):
-        with pytest.raises(TypeError, match=r"put s \* .*eye_array\(n\), which has it on the diag"):
+        with pytest.raises(TypeError, match=r"use s \* .*eye_array\(n\), which has it on the diag"):
             A + number
     for array in (np.ones(4), np.ones(2), np.array(1.0), A.toarray()):
         for total in (lambda x: A + x, lambda x: A - x, lambda x: x + A, lambda x: x - A):

@@ -85,7 +85,7 @@ def _refuse_row(rows: Sequence[str], separator: str | None) -> None:
                 wrong = repr(cell.strip()) if cell.strip() else "nothing"
                 raise ValueError(f"line {number} has {wrong} in column {place}") from None
         if len(cells) != (columns := columns or len(cells)) and cells:
-            raise ValueError(f"line {number} has {len(cells)} numbers, and those above {columns}")
+            raise ValueError(f"line {number} has {len(cells)} numbers, but above are {columns}")
 
 
 def _describe(is_text: bool, error: Exception) -> str:

@@ -184,7 +184,7 @@ def test_what_the_serial_one_refuses_all_ranks_refuse(comm):
     make = slabs.fsai_preconditioner
     smooth = slabs.ToeplitzOperator(np.exp(-(i**2 + j**2) / 40.0) + 1e-3 * (i + j == 0), slab)
     refuses(comm, np.linalg.LinAlgError, "too smooth a kernel", lambda: make(smooth))
-    text = "if these are refused fft_preconditioner(A), or cg without M"
+    text = "if these are refused use fft_preconditioner(A), or cg without M"
     refuses(comm, np.linalg.LinAlgError, text, lambda: make(smooth))
     indefinite = slabs.ToeplitzOperator(np.where(i + j == 1, 1.0, 1.0 * (i + j == 0)), slab)
     text = "positive definite"
@@ -207,4 +207,4 @@ def test_what_the_serial_one_refuses_all_ranks_refuse(comm):
     C = slabs.CoupledOperator([[A, odd], [None, A]])
     refuses(comm, ValueError, "are not each other's transpose", lambda: make(C))
     C = slabs.CoupledOperator([[None, A], [A, None]])
-    refuses(comm, ValueError, "the block of component 0 on itself is zero", lambda: make(C))
+    refuses(comm, ValueError, "diagonal block of component 0 is zero", lambda: make(C))

@@ -140,7 +140,7 @@ def test_what_cannot_be_saved_is_refused_by_all(comm):
         objects = x.astype(object)
         refuses(comm, TypeError, "x has dtype object", lambda: save(there / "x.npy", objects))
         refuses(comm, OSError, "is no folder", lambda: save(there / "none" / "x.npy", x))
-        refuses(comm, OSError, "is no regular file", lambda: save(there, x))
+        refuses(comm, OSError, "is not a regular file", lambda: save(there, x))
         if last:
             name = f"{comm.rank}.npy"
             refuses(comm, ValueError, "path is ", lambda: save(there / name, x))

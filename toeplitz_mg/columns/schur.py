@@ -185,8 +185,7 @@ def _block(EG: Array) -> Array:
 
 # The first advice suits a covariance; the second one suits any matrix.
 ADVICE = (
-    "add to c[0] (a nugget, as noise in the data makes it); to solve with A as it is, use "
-    f"{LAST_RESORT}"
+    f"add to c[0] (a nugget, like noise in the data); to solve with A as it is, use {LAST_RESORT}"
 )
 _NOT_POSITIVE = (
     f"A is not positive definite, or so ill-conditioned that float64 cannot tell: {ADVICE}"

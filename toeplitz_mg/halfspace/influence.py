@@ -406,5 +406,5 @@ def _points(name: str, values: ArrayLike) -> Array:
         raise TypeError(f"{name} has dtype {array.dtype}, but must have real numbers")
     array = array.astype(np.float64, copy=False)
     if not np.isfinite(array).all():
-        raise ValueError(f"{name} has coordinates that are not finite")
+        raise ValueError(f"{name} has coordinates that are not finite, but all must be")
     return array

@@ -210,7 +210,7 @@ def _at(direction: str, element: Any, nu: float, **points: ArrayLike) -> Array:
     *arrays, z = fields(**points)
     for name, array in zip(points, (*arrays, z), strict=True):
         if not np.isfinite(array).all():
-            raise ValueError(f"{name} has values that are not finite")
+            raise ValueError(f"{name} has values that are not finite, but all must be")
     if (z < 0.0).any():
         raise ValueError(f"z has the value {z.min():g}, but a depth must be at least zero")
     # Coordinates relative to the lines that bound the element, on additional axes.

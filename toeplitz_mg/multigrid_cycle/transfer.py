@@ -105,7 +105,7 @@ class Transfer:
         else:
             same = np.array_equal(mask, self.coarse_mask)
         if not same:
-            raise ValueError(f"coarsen gave {H!r} with another mask than the coarse one")
+            raise ValueError(f"coarsen gave {H!r}, but its mask must be that of the coarse grid")
         return H
 
     @property

@@ -109,7 +109,7 @@ def _refuse_composition(A: Any, x: Any) -> None:
     names = {getattr(B, "library", NUMPY).name for B in (A, x)}
     if names != {NUMPY.name}:
         raise TypeError(
-            f"{A!r} and {x!r} make no operator on arrays of {' and '.join(sorted(names))}: "
+            f"{A!r} and {x!r} cannot be combined on arrays of {' and '.join(sorted(names))}: "
             "multiply by each, as in A @ x + B @ x or A @ (B @ x)"
         )
 
@@ -233,16 +233,16 @@ def is_hermitian(A: Any) -> bool | None:
         return None
     if isinstance(A, PRODUCT):
         factors = _factors(A)
-        told = [is_hermitian(B) for B in factors]
-        if None in told or told.count(False) > 1:
+        known = [is_hermitian(B) for B in factors]
+        if None in known or known.count(False) > 1:
             return None
-        return all(told) and all(B is C for B, C in zip(factors, factors[::-1], strict=True))
+        return all(known) and all(B is C for B, C in zip(factors, factors[::-1], strict=True))
     if isinstance(A, SUM | MULTIPLE | POWER):
-        told = [is_hermitian(B) for B in A.args if isinstance(B, LinearOperator)]
+        known = [is_hermitian(B) for B in A.args if isinstance(B, LinearOperator)]
         is_real = all(np.isreal(x) for x in A.args if not isinstance(x, LinearOperator))
-        if is_real and all(told):
+        if is_real and all(known):
             return True
-        is_other = told.count(False) == 1 and None not in told
+        is_other = known.count(False) == 1 and None not in known
         return False if is_real and is_other and not isinstance(A, POWER) else None
     if hasattr(A, "is_hermitian"):
         return None if A.is_hermitian is None else bool(A.is_hermitian)

@@ -72,7 +72,7 @@ def _multiply(name: str, A: "GridOperator", x: Any) -> Any:
     if x.ndim not in ((1, 2) if "dot" in name or from_left else (1 + ("mat" in name[-3:]),)) or (
         x.shape[-2 if columns else -1] != A.shape[0 if from_left or name[0] == "r" else 1]
     ):
-        raise ValueError(f"x has shape {tuple(x.shape)}, but the operator {A.shape}")
+        raise ValueError(f"x has shape {tuple(x.shape)}, but the operator has {A.shape}")
     if from_left:
         return A._transpose().apply(x)
     B = A._adjoint() if name[0] == "r" else A
@@ -360,8 +360,8 @@ def require_numpy(
     library = library_for(A)
     if library is not NUMPY:
         raise TypeError(
-            f"A has arrays of {library.name}, but {what} needs those of numpy: on others there are "
-            f"cg, gmres and richardson, and the preconditioners {others}"
+            f"A has arrays of {library.name}, but must have those of numpy for {what}: for others "
+            f"use cg, gmres and richardson, and the preconditioners {others}"
         )
 
 

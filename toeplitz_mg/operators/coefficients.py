@@ -80,8 +80,8 @@ class Coefficients:
         xp = library_of(column).xp
         if column.ndim > 1 or row.ndim > 1:
             raise ValueError(
-                f"c and r have shapes {column.shape} and {row.shape}, but a first row is for "
-                "one axis; for several axes use ToeplitzOperator.from_lags"
+                f"c and r have shapes {column.shape} and {row.shape}, but must have one "
+                "axis for a first row: for several axes use ToeplitzOperator.from_lags"
             )
         (n,), (m,) = column.shape, row.shape
         if n != m:
@@ -320,7 +320,7 @@ def check_finite(values: ArrayLike, name: str) -> Array:
         array = library.cast(array, dtype.newbyteorder("="))
     if array.ndim == 0 or prod(array.shape) == 0:
         shape = tuple(array.shape)
-        raise ValueError(f"{name} has shape {shape}, but needs at least one coefficient")
+        raise ValueError(f"{name} has shape {shape}, but must have at least one coefficient")
     if not library.xp.all(library.xp.isfinite(array)):
         array = library.to_numpy(array)
         where = np.argwhere(~np.isfinite(array))[0]

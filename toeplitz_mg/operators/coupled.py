@@ -135,7 +135,7 @@ class CoupledOperator(MatrixOperator):
             )
         block = self.blocks[i][i]
         if block is None:
-            raise ValueError(f"the block of component {i} on itself is zero")
+            raise ValueError(f"the diagonal block of component {i} is zero, but must not be")
         return block
 
     def _cast(self, dtype: np.dtype[Any]) -> "CoupledOperator":
@@ -250,7 +250,8 @@ def _check_block(name: str, block: Any, first: Any) -> None:
     first.library.read(f"c of {name}", block.c)
     if block.grid_shape != first.grid_shape:
         raise ValueError(
-            f"{name} lives on the grid {block.grid_shape}, but another on {first.grid_shape}"
+            f"{name} lives on the grid {block.grid_shape}, but must live on that of the "
+            f"others, {first.grid_shape}"
         )
 
 

@@ -74,13 +74,13 @@ class MaskedOperator(MatrixOperator):
         grid_shape = getattr(A, "grid_shape", None)
         if grid_shape is None or isinstance(A, MaskedOperator):
             raise TypeError(
-                f"A is a {type(A).__name__}, but a mask needs an operator on a whole grid, "
+                f"A is a {type(A).__name__}, but must be an operator on a whole grid, "
                 "such as a ToeplitzOperator"
             )
         if A.shape != (prod(grid_shape),) * 2:
             raise TypeError(
                 f"A has the shape {A.shape} on a grid {grid_shape}, of which it is a part already, "
-                "but a mask needs an operator on a whole grid: use the matrix or the "
+                "but must be an operator on a whole grid: use the matrix or the "
                 "preconditioner of the whole grid"
             )
         self.full = A
@@ -106,7 +106,7 @@ class MaskedOperator(MatrixOperator):
         if self.dtype == dtype:
             return self
         if not hasattr(self.full, "astype"):
-            raise TypeError(f"{self.full!r} is made in one precision: give its function the dtype")
+            raise TypeError(f"{self.full!r} has a fixed precision: give dtype to its function")
         return MaskedOperator(self.full.astype(dtype), self.mask)
 
     def scaled(self, left: Any = None, right: Any = None) -> Any:
@@ -165,7 +165,7 @@ class MaskedOperator(MatrixOperator):
 
     def _whole(self) -> Any:
         if not hasattr(self.full, "entries"):
-            raise TypeError(f"{self.full!r} has no entries at hand: multiply it with unit vectors")
+            raise TypeError(f"{self.full!r} has no known entries: multiply it with unit vectors")
         return self.full
 
     def apply(self, X: Array, out: Array | None = None) -> Array:

@@ -128,8 +128,8 @@ def name_for_smooth(grid_shape: tuple[int, ...]) -> str:
             "refused"
         )
     return (
-        "use cosine_preconditioner(A), on a mask sine_preconditioner(A), and if these are "
-        f"refused {name_robust(grid_shape)}"
+        "try cosine_preconditioner(A), on a mask sine_preconditioner(A), and if these are "
+        f"refused use {name_robust(grid_shape)}"
     )
 
 

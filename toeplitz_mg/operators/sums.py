@@ -320,7 +320,7 @@ def _read_terms(terms: Any) -> list[Term]:
             "right are None if there is no diagonal matrix"
         )
     if not given:
-        raise ValueError("terms is empty, but a sum needs one at least")
+        raise ValueError("terms is empty, but must have at least one term")
     grid_shape = getattr(given[0][1], "grid_shape", None)
     for _, A, _ in given:
         if not (isinstance(A, GridOperator) and A._is_toeplitz):
@@ -354,7 +354,7 @@ def _freeze(name: str, factor: Any, n: int) -> Any:
     if not is_number and entries.shape != (n,):
         raise ValueError(f"{name} has shape {entries.shape}, but must have the {n} entries of D")
     if not np.isfinite(entries).all():
-        raise ValueError(f"{name} has entries that are not finite")
+        raise ValueError(f"{name} has entries that are not finite, but all must be")
     if is_number:
         return factor
     if entries.dtype.char not in "fdFD":  # Not a precision of matrices; sums may overflow.

@@ -22,12 +22,12 @@ def sample_symbol(A: ToeplitzOperator, shape: tuple[int, ...]) -> Array:
     """Return the symbol at θ = πk/n, k = 0 … n along each axis, with n from `shape`."""
     column = average_flips(A)
     xp = (library := A.library).xp
-    alone = [axis for axis, n in enumerate(column.shape) if n > 1]
+    long_axes = [axis for axis, n in enumerate(column.shape) if n > 1]
     line = xp.reshape(column, (-1,))
-    if len(alone) == 1 and (sums := sum_tail(line, shape[alone[0]])) is not None:
+    if len(long_axes) == 1 and (sums := sum_tail(line, shape[long_axes[0]])) is not None:
         samples = library.cosine_sums(sums)
         # An axis of one element has no other lags, so the samples are constant along it.
-        lengths = tuple(-1 if axis in alone else 1 for axis in range(column.ndim))
+        lengths = tuple(-1 if axis in long_axes else 1 for axis in range(column.ndim))
         whole = xp.broadcast_to(xp.reshape(samples, lengths), tuple(n + 1 for n in shape))
         return xp.asarray(whole, copy=True)
     for axis, n in enumerate(shape):

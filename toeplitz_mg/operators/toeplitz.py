@@ -138,8 +138,8 @@ class ToeplitzOperator(MatrixOperator):
                 warnings.warn(
                     f"c has shape {(n, n)} and is constant along its diagonals, as a dense "
                     f"Toeplitz matrix is, but is taken for the first column of a matrix of two "
-                    f"axes and {n**2} unknowns: for the dense matrix c itself give what it is "
-                    f"made of, as in {dense}",
+                    f"axes and {n**2} unknowns: for the dense matrix c itself use "
+                    f"{dense}",
                     stacklevel=2,
                 )
         else:

@@ -57,8 +57,8 @@ COMPACT = 5.0  # Largest `fragmentation` of an area that counts as one blob.
 HARDLY_RESOLVED = 100.0  # Largest ‖A x - e₁‖ of a useful spectral factor.
 STEPS = 10  # CG steps in a trial, all candidates together.
 STEPS_OF_EACH = 2  # CG steps after which the energy ranks the candidates.
-NEARLY = 0.99  # No preconditioner is preferred if the energy falls by this share of that with it,
-ADVANTAGE = 2.0  # and its residual is at most this many times that with it.
+NEARLY = 0.99  # CG without M is preferred if its energy falls by this share of that with M,
+ADVANTAGE = 2.0  # and its residual is at most this many times that with M.
 LARGE = 2**16  # Fewest elements of a grid on which FSAI is worth its set-up for an active set.
 SETTLED = 0.05  # FSAI is set up only if at most this share of an active set has just changed.
 # FSAI is rebuilt if more than this share of the active set has changed. Above it the set-up (one to

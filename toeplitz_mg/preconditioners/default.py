@@ -69,7 +69,7 @@ def default_preconditioner(
     Notes
     -----
     Up to 600 unknowns (all components together) are solved by a dense Cholesky factorisation.
-    Larger real systems take what is fastest in ``python -m comparisons.preconditioners``:
+    For larger real systems it is the fastest in ``python -m comparisons.preconditioners``:
 
     ======================== ================================= ==============================
     axes, area               preconditioner                    iterations to 1e-8
@@ -91,26 +91,26 @@ def default_preconditioner(
     three or more            cosine; on a mask sine            9 to 20
     ======================== ================================= ==============================
 
-    Larger complex matrices take the spectral factor on one axis without a mask, and otherwise T.
-    Chan's circulant, unless it is worse than no preconditioner.
+    For larger complex matrices it is the spectral factor on one axis without a mask, and otherwise
+    T. Chan's circulant, unless that is worse than no preconditioner.
 
     Coupled components are preconditioned separately, except by FSAI on a mask if their coupling is
     strong.
 
-    For arrays of other libraries FSAI is taken on a mask and cosine on a whole grid; T. Chan's
+    For arrays of other libraries it is FSAI on a mask and cosine on a whole grid; T. Chan's
     circulant if these are refused, and for complex matrices.
 
     FSAI has 12 neighbours for a single solve, and for several solves as many as the kernel needs.
-    If these are not enough it is taken all the same: for a smooth covariance on a mask every other
-    preconditioner takes several times the iterations.
+    It is used even if these are not enough, because every other preconditioner takes several times
+    the iterations for a smooth covariance on a mask.
 
-    The table holds for coefficients that are positive and decrease along each axis, as those of a
-    half-space and of most covariances. For others, a trial of ten steps of conjugate gradients in
-    all compares the preconditioner of the table with sine, T. Chan's circulant, none, and, on a
-    grid where the kernel is not even along each axis, M. If every preconditioner of the table is
-    refused, the trial leaves out the circulant. On one axis without a mask there is a trial only if
-    all are refused, as the spectral factor is nearly the inverse. The logger of this module tells
-    at the level INFO what is refused and why.
+    The table holds for coefficients that are positive and decrease along each axis, like those of a
+    half-space and of most covariances. For others, a trial with ten steps of CG in total compares
+    the preconditioner of the table with sine, T. Chan's circulant and none; on a grid whose kernel
+    is not even along each axis also with M. The circulant is left out if every preconditioner of
+    the table is refused. On one axis without a mask there is a trial only if all are refused,
+    because the spectral factor is nearly the inverse. The logger of this module reports refusals
+    and their reasons at the level INFO.
 
     Examples
     --------

@@ -79,7 +79,7 @@ def tau_preconditioner(
     """
     shift = finite("shift", shift)
     require_numpy(A, "tau_preconditioner")
-    if isinstance(unwrap(A)[0], ToeplitzSum):  # Its preconditioner is scaled; the shift is not.
+    if isinstance(unwrap(A)[0], ToeplitzSum):  # It would scale the shift too.
         dtype = A.dtype if dtype is None else dtype
         A, shift = A.plus(np.full(A.shape[0], shift)), 0.0
     return _tau(A, shift, dtype)

@@ -64,7 +64,7 @@ class CoupledOperator(SlabOperator):
         """Raise a ValueError if it is not symmetric, or a diagonal block is zero."""
         for i, row in enumerate(self.blocks):
             if row[i] is None:
-                raise ValueError(f"the block of component {i} on itself is zero")
+                raise ValueError(f"the diagonal block of component {i} is zero, but must not be")
         if not self.is_symmetric:
             shares = asymmetries(self.blocks, Transposes())
             i, j = max(shares, key=shares.__getitem__)

@@ -85,7 +85,7 @@ def _check(path: Path, x: Array, slab: Any) -> None:
     if slab.comm.rank == 0:
         old = find_status(path)
         if old is not None and not stat.S_ISREG(old.st_mode):
-            raise OSError(f"{path} is no regular file, but ranks can write no other together")
+            raise OSError(f"{path} is not a regular file, but must be one for ranks to write it")
         check_folder(path)
 
 

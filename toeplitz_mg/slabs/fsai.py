@@ -30,8 +30,8 @@ from toeplitz_mg.slabs.structure import unwrap
 Blocks = Sequence[Sequence[Any]]  # ToeplitzOperator or None.
 
 INSTEAD = (
-    "use cosine_preconditioner(A), on a mask sine_preconditioner(A), and if these are refused "
-    "fft_preconditioner(A), or cg without M"
+    "try cosine_preconditioner(A), on a mask sine_preconditioner(A), and if these are refused "
+    "use fft_preconditioner(A), or cg without M"
 )
 OTHERS = "fft, cosine and sine of toeplitz_mg.slabs"  # They support arrays of any library.
 REPEATED = 1 / 64  # Most cells of a level built on every rank, in total, relative to the grid.
@@ -120,7 +120,7 @@ def fsai_preconditioner(
     with advise(INSTEAD):
         joint = None if options.neighbours else _joint(blocks, mask)
         each = mask.reshape(len(blocks), -1)
-        parts = [(joint, options)] if joint else _alone(blocks, each, options)
+        parts = [(joint, options)] if joint else _separate(blocks, each, options)
         levels = [build_on_slab(*part, dtype, most) for part in parts]
     counts = [int(np.count_nonzero(part.c)) for part, _ in parts]
     return SlabSparseInverse(levels, counts, slab, dtype, full.grid_shape)
@@ -176,7 +176,7 @@ def _joint(blocks: Blocks, mask: Array) -> SlabMatrix | None:
     return SlabMatrix(slab, slab.starts, stencil, kernel, mask)
 
 
-def _alone(blocks: Blocks, mask: Array, options: Options) -> list[tuple[SlabMatrix, Options]]:
+def _separate(blocks: Blocks, mask: Array, options: Options) -> list[tuple[SlabMatrix, Options]]:
     """Return the matrix of each component that has unknowns, and its options."""
     matrices = []
     for i, row in enumerate(blocks):

@@ -49,7 +49,7 @@ class SlabGrid(Grid):
         return cls(**vars(whole), slab=slab)
 
     def __reduce__(self) -> Any:
-        """Pickle as the whole grid, as do the fields that a result computes later on one rank."""
+        """Pickle as the whole grid: a loaded result then computes its fields in one process."""
         return copy, (self.whole,)
 
     def agree(self, read: Callable[..., Any], *arguments: Any) -> Any:

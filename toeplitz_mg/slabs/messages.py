@@ -199,7 +199,7 @@ def _check(comm: Any) -> Any:
         from mpi4py import MPI
     except ImportError as error:
         raise ImportError(
-            'toeplitz_mg.slabs needs mpi4py, but it is not there: pip install "toeplitz-mg[mpi]"'
+            'toeplitz_mg.slabs needs mpi4py, which is not installed: pip install "toeplitz-mg[mpi]"'
         ) from error
     if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
         name = "MPI.COMM_NULL" if comm == MPI.COMM_NULL else f"a {type(comm).__name__}"

@@ -103,9 +103,7 @@ class SlabOperator:
     astype = MatrixOperator.astype
 
     def _cast(self, dtype: np.dtype[Any]) -> Any:
-        raise TypeError(
-            f"A is {self!r}, which is made in one precision: give its function the dtype"
-        )
+        raise TypeError(f"A is {self!r}, which has a fixed precision: give dtype to its function")
 
     @property
     def kind(self) -> str:
@@ -311,4 +309,4 @@ def _check_zeros(c: Array, behind: Array | None, parity: tuple[int, ...], slab: 
                 "the lag zero must be zero"
             )
     if behind is not None and is_first and not np.array_equal(c[0], behind[0]):
-        raise ValueError("behind and c differ in their first row, the lag 0, which both have")
+        raise ValueError("behind and c differ in their first row, but must both have lag 0 there")

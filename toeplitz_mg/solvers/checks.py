@@ -221,7 +221,7 @@ def _vector(values: ArrayLike, name: str, n: int, library: Library) -> Array:
             remedy = f": write {name}.ravel()"
         raise ValueError(f"{name} has shape {array.shape}, but A has {(n, n)}{remedy}")
     if not xp.all(xp.isfinite(array)):
-        raise ValueError(f"{name} has entries that are not finite")
+        raise ValueError(f"{name} has entries that are not finite, but all must be")
     if library.dtype(array).kind in "bui" or library.dtype(array) == np.float16:
         array = library.cast(array, np.float64)
     return xp.reshape(array, (n,))

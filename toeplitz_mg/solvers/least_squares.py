@@ -313,7 +313,7 @@ class RightPreconditioned(LinearOperator):
             )
         p = M.product
         if not np.all(p.spectrum > 0.0):
-            raise ValueError("M has eigenvalues that are not positive, but needs a square root")
+            raise ValueError("M has eigenvalues that are not positive, but all must be")
         root = M.library.diagonalise(
             np.sqrt(p.spectrum), p.fft_shape, p.grid_shape, p.dtype, p.transforms
         )

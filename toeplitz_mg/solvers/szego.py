@@ -108,7 +108,7 @@ def log_determinant(
         schur_column(A.c)  # Its error names the leading block that is not positive definite.
         raise np.linalg.LinAlgError(
             f"the leading {n} x {n} block of A is not positive definite, exactly or numerically: "
-            "with a larger c[0], a nugget, it is"
+            "use a larger c[0] (a nugget)"
         )
     return best
 

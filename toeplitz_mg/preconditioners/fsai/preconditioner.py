@@ -113,9 +113,9 @@ def fsai_preconditioner(
     ------
     numpy.linalg.LinAlgError
         If a pivot is not positive: `A` is not positive definite, or its kernel is too smooth. Also
-        if a kernel would need more than some 16 iterations, as a covariance with a correlation
-        length of many cells does; this is not checked on one axis without a mask, nor for systems
-        that are small enough to be solved directly.
+        if a kernel would need more than some 16 iterations, such as a covariance with a
+        correlation length of many cells; this is not checked on one axis without a mask, nor for
+        systems that are small enough to be solved directly.
     TypeError
         If `A` is not a Toeplitz operator, or `neighbours` not an integer.
     ValueError

@@ -141,7 +141,7 @@ def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None
             if noise > 1.0 and not method.is_substitution:
                 if info.residual < inf:
                     break
-                raise np.linalg.LinAlgError("x is so large that its residual is rounding")
+                raise np.linalg.LinAlgError("x is so large that its residual is only rounding")
         rounding = _largest(system.rounding_of(terms) / sizes)
         if noise > ILL_CONDITIONED:
             residual = max(residual, rounding)

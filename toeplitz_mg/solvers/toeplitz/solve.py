@@ -321,7 +321,7 @@ def _solve_batch(
                 c[own], r[own], b[own], check_finite, rtol, on_singular
             )
         except np.linalg.LinAlgError as error:
-            raise np.linalg.LinAlgError(f"of the system {own}: {error}") from None
+            raise np.linalg.LinAlgError(f"system {own}: {error}") from None
         names[k], steps[k], *errors[:, k] = found.info
         is_doubtful[k] = found.is_doubtful
     fields: Any = (a.reshape(batch) for a in (names, steps, *errors))
@@ -415,7 +415,7 @@ def _solve_unusual(
         if np.isfinite(a).all():
             continue
         if check_finite:
-            raise ValueError(f"{name} has entries that are not finite")
+            raise ValueError(f"{name} has entries that are not finite, but all must be")
         unknown = Found(SolveInfo("none", 0, np.nan, np.nan))
         X = np.full_like(B, np.nan)
         good = np.isfinite(B).all(axis=1)
