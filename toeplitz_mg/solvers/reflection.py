@@ -95,6 +95,8 @@ def read_column(c: ArrayLike, advice: str) -> tuple[ToeplitzOperator, int]:
             f"{advice}"
         )
     column = refuse_masked("c", c)
+    if column.ndim > 1 and isinstance(c, tuple):
+        raise ValueError("c is a pair, but must be the first column alone, of a Hermitian matrix")
     if column.ndim > 1:
         raise ValueError(
             f"c has shape {column.shape}, but must have one axis: no exact method for several axes "
