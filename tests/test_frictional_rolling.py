@@ -160,6 +160,6 @@ def test_loads_are_refused_for_the_pressures_that_friction_leaves():
     rolled = frictional_rolling(gap, element, **pressed, tangential_force=force)
     assert_allclose(rolled.tangential.force, force, atol=1e-6)
     # All along, as the limit of the pressures that are found, and before any work.
-    for factor, match in ((1.05, "must be less than the traction bound carries"), (2.0, "2.4$")):
+    for factor, match in ((1.05, "the most that friction carries"), (2.0, "less than 2.4,")):
         with pytest.raises(ValueError, match=match):
             frictional_rolling(gap, element, **pressed, tangential_force=(factor * sliding, 0.0))

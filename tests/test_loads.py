@@ -95,7 +95,7 @@ def test_a_previous_result_is_a_first_guess():
         ({"approaches": [np.nan]}, ValueError, "approaches is not a number somewhere"),
         ({"forces": ["a"]}, TypeError, "forces has dtype"),
         ({"forces": [0.1], "tolerance": 2.0}, ValueError, "tolerance is 2.0"),
-        ({"forces": [0.1, 1e3], "hardness": 1.0}, ValueError, "which all elements carry at the"),
+        ({"forces": [0.1, 1e3], "hardness": 1.0}, ValueError, "which all elements carry if"),
     ],
 )
 def test_refuses_what_makes_no_sense_before_any_work(change, error, message):

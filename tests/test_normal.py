@@ -253,19 +253,19 @@ def test_the_order_in_memory_does_not_matter():
 
 REFUSED = {
     ValueError: [
-        ({"gap": [[0.0, np.nan]]}, "gap is not a number"),
+        ({"gap": [[0.0, np.nan]]}, "gap is nan somewhere"),
         ({"gap": [[0.0, -np.inf]]}, "gap has the value -inf"),
         ({"gap": 0.0}, "the grid has shape"),
         ({"gap": np.zeros((2, 0))}, "the grid has shape"),
         ({"gap": np.zeros((2, 2, 2))}, "the grid has shape"),
         ({"element": (1.0, 0.0)}, "element is"),
-        ({"element": 1.0}, "element is 1.0, but the grid"),
+        ({"element": 1.0}, "element is 1.0, but must be two"),
         ({"element": (1.0, 1.0, 1.0)}, "element is"),
         ({"element": [[1.0], [1.0]]}, "element is"),
         ({"element": (1.0, np.inf)}, "element is"),
         ({"material": (Material.rigid(), Material.rigid())}, "both bodies are rigid"),
-        ({"force": None}, "one of the three"),
-        ({"approach": 1.0}, "one of the three"),
+        ({"force": None}, "just one of force"),
+        ({"approach": 1.0}, "just one of force"),
         ({"force": -1.0}, "force is -1"),
         ({"force": np.nan}, "force is nan"),
         ({"force": None, "approach": np.inf}, "approach is inf"),

@@ -175,7 +175,7 @@ def test_stresses_are_in_proportion_to_tractions_of_any_size():
         ({"depths": []}, r"depths is \[\], but must be a number, or a list"),
         ({"body": "third"}, "body is 'third', but must be 'first' or 'second'"),
         ({"results": 0}, "there are 0 results"),
-        ({"results": 2}, "there are 2 results, but must be a normal one"),
+        ({"results": 2}, "there are 2 results, but there must be"),
     ],
 )
 def test_refuses_what_makes_no_sense(change, message):
@@ -192,7 +192,7 @@ def test_refuses_results_that_do_not_belong_together_or_repeat_or_are_of_one_ran
         subsurface_stresses(line(16), other, depths=0.1)
     refuses(TypeError, r"a result is 3\.0", subsurface_stresses, 3.0, depths=0.1)
     for periodic in ((True, False), (False, True), True):
-        with pytest.raises(ValueError, match=r"periodic is .* in a result"):
+        with pytest.raises(ValueError, match=r"a result has periodic="):
             subsurface_stresses(sphere(16, periodic=periodic), depths=0.1)
     rows = dataclasses.replace(sphere(24), shape=(48, 24))
     with pytest.raises(ValueError, match=r"a result has the rows of one rank, \(24, 24\) of"):
@@ -201,7 +201,7 @@ def test_refuses_results_that_do_not_belong_together_or_repeat_or_are_of_one_ran
     assert subsurface_stresses(on_rigid, depths=0.1).body == "first"
     with pytest.raises(ValueError, match="the second body is rigid"):
         subsurface_stresses(on_rigid, depths=0.1, body="second")
-    with pytest.raises(ValueError, match="of which the bodies are not known"):
+    with pytest.raises(ValueError, match="which does not tell the two"):
         subsurface_stresses(line(16, material=CombinedMaterial(1.0, 0.3)), depths=0.1)
 
 

@@ -220,7 +220,7 @@ def test_bad_input_is_refused_on_all_ranks(comm):
     refuses(comm, ValueError, name + "gap is not a number somewhere", press(bad))
     short = np.zeros((slab.local[0] - last, 40))
     refuses(comm, ValueError, name + "gap has shape", press(short))
-    refuses(comm, ValueError, "one of the three must be given", press(approach=1.0, force=2.0))
+    refuses(comm, ValueError, "just one of force", press(approach=1.0, force=2.0))
     refuses(comm, ValueError, name + "force is", press(force=-1.0 if last else 1.0))
     line = slabs.Slab(comm, (40,))
     refuses(comm, ValueError, "contact on slabs must have two axes", press(slab=line, element=0.1))

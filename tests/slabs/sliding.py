@@ -98,7 +98,7 @@ def test_friction_refuses_on_all_ranks(comm):
     name = f"rank {comm.size - 1}: "
     refuses(comm, ValueError, name + "bound has the value -1", shift(bad, force=(1.0, 0.0)))
     refuses(comm, ValueError, "one of the two must be given", shift())
-    refuses(comm, ValueError, "but the traction bound carries", shift(force=(1e3, 0.0)))
+    refuses(comm, ValueError, "but friction carries", shift(force=(1e3, 0.0)))
     text = "force is not a number somewhere"
     refuses(comm, ValueError, text, shift(force=(np.nan, 0.0)))
     wrong = np.zeros((2, slab.local[0] + last, 40))

@@ -526,7 +526,7 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
     if "line" not in options:
         return
     why = {
-        "approach": "plane strain leaves it open by a constant; give --force",
+        "approach": "in plane strain it is only known up to a constant; give --force",
         "spin": "line contact has no spin",
         "moment": "line contact has no spin",
     }

@@ -187,11 +187,11 @@ class Hertzian:
         # Where the approach is given, theory says the force, within the error of the grid.
         if o.case == "rolling" and wanted >= most:
             raise ValueError(
-                f"--tangential is {wanted:g}, but must be less than {most:.6g}, which friction "
-                "carries: then all slides, by any creepage"
+                f"--tangential is {wanted:g}, but must be less than {most:.6g}, the most that "
+                "friction carries: there everything slides, at any creepage"
             )
         if wanted > most * (1.0 + SLIDES):
-            raise ValueError(f"--tangential is {wanted:g}, but friction carries {most:.6g} at most")
+            raise ValueError(f"--tangential is {wanted:g}, but friction carries at most {most:.6g}")
 
 
 def _radii(o: argparse.Namespace) -> Any:

@@ -48,8 +48,8 @@ class Rough:
         case = cls(o, heights)
         if o.approach is not None and case.is_plane and not o.periodic:
             raise ValueError(
-                f"--approach is not for {o.file}, a profile: plane strain leaves it open by a "
-                "constant; give --force"
+                f"--approach is not for {o.file}, a profile: in plane strain it is only known "
+                "up to a constant; give --force"
             )
         return case
 

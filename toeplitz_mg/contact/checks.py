@@ -30,16 +30,18 @@ def check_load(
     """
     if np.isneginf(z).any():
         raise ValueError("gap has the value -inf: where there is no material, it is inf")
-    given = {"approach": approach, "force": force, "pressure": pressure}
-    if sum(value is not None for value in given.values()) != 1:
-        told = ", ".join(f"{name} is {value}" for name, value in given.items())
-        raise ValueError(f"{told}, but one of the three must be given")
+    loads = {"force": force, "approach": approach, "pressure": pressure}
+    given = [f"{name} is {value}" for name, value in loads.items() if value is not None]
+    if len(given) != 1:
+        told = " and ".join(given) or "no load is given"
+        raise ValueError(f"{told}, but just one of force, approach and pressure must be given")
     if approach is not None:
         approach = finite("approach", approach, "mm")
         if grid.has_free_mean and approach >= (mean := grid.vectors.sum(z) / z.size):
             raise ValueError(
-                f"approach is {approach:g}, but must be below the mean of the gap, {mean:g}, at "
-                "which surfaces that repeat touch everywhere, under many a force: give the force"
+                f"approach is {approach:g}, but must be below the mean of the gap, {mean:g}: from "
+                "there on periodic surfaces touch everywhere, and the approach does not change "
+                "with the force: give force= or pressure="
             )
         return approach, None
     name, unit, area = "force", grid.force_unit, 1.0
@@ -48,7 +50,7 @@ def check_load(
     load = finite(name, force, unit)
     if load < 0.0:
         raise ValueError(
-            f"{name} is {force}, but must be at least zero: bodies that do not stick cannot pull"
+            f"{name} is {force}, but must be at least zero: bodies without adhesion cannot pull"
         )
     in_range(name, load * area)
     return None, load * area
@@ -89,10 +91,12 @@ def check_hardness(
     carried = hardness * grid.area * (prod(grid.shape) if elements is None else elements)
     if force is not None and force > carried * (1.0 + ROUNDING):
         if pressure is not None:
-            raise ValueError(f"pressure is {pressure}, but the hardness is {hardness:g}")
+            raise ValueError(
+                f"pressure is {pressure}, but must be at most the hardness, {hardness:g}"
+            )
         raise ValueError(
             f"force is {force:.15g}, but must be at most {carried:.15g}, which all elements carry "
-            f"at the hardness {hardness:g}"
+            f"if they yield at the hardness of {hardness:g} N/mm²"
         )
     return hardness
 
@@ -134,8 +138,8 @@ def check_pressed(
     """
     if (pressed is None) == (bound is None):
         raise TypeError(
-            "the first argument, a result of normal_contact, or bound=, a traction bound, must be "
-            "given: " + ("neither is" if bound is None else "both are, but one decides the other")
+            "either a result of normal_contact (the first argument) or a traction bound (bound=) "
+            "must be given: " + ("neither is" if bound is None else "both are")
         )
     if bound is not None:
         if has_axes(bound):
@@ -144,15 +148,15 @@ def check_pressed(
             bound, element = measure_axes("bound", bound, element)
         g = check_bound(bound)
         if mu is not None:
-            raise TypeError("mu is given, but bound is μ p itself: mu belongs to a normal result")
+            raise TypeError("mu is given, but bound is μ p already: leave mu out")
         for name, value in (("element", element), ("material", material)):
             if value is None:
-                raise TypeError(f"{name} is not given, but only a normal result has its own")
+                raise TypeError(f"{name} is not given, but must be beside bound=")
         return g, element, material, False if periodic is None else periodic
     require_pressed(pressed)
     for name, value in (("element", element), ("material", material), ("periodic", periodic)):
         if value is not None:
-            raise TypeError(f"{name} is given, but a normal result has its own: leave it out")
+            raise TypeError(f"{name} is given, but the normal result has it: leave it out")
     require_whole(pressed, "the normal result")
     return read_bound(pressed, mu), pressed.element, pressed.material, pressed.periodic or False
 
@@ -166,14 +170,14 @@ def require_pressed(pressed: Any) -> None:
         hint = ", as its `normal`"
     elif not hasattr(pressed, "summary"):
         kind = f"an array of shape {np.shape(pressed)}" if np.ndim(pressed) else repr(pressed)
-        hint = ": a traction bound is given as bound="
+        hint = ": give a traction bound as bound="
     raise TypeError(f"the first argument is {kind}, but must be a result of normal_contact{hint}")
 
 
 def read_bound(pressed: NormalResult, mu: Any) -> Array:
     """Return the traction bound of bodies that are pressed, or of one rank's rows of them."""
     if mu is None:
-        raise TypeError("mu is not given, but a normal result needs a coefficient of friction")
+        raise TypeError("mu is not given, but must be: the coefficient of friction")
     friction = check_friction(mu, pressed.contact.shape)
     return check_bound(bound_of(friction, pressed.pressure))
 
@@ -224,8 +228,7 @@ def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> 
     wanted = "(Fx, Fy)" if m == 2 else "a number"
     if isinstance(force, list | tuple) and any(F is None for F in force):
         raise ValueError(
-            f"{name} is {force}, but must be {wanted}: with a component that is not given only "
-            "bodies roll"
+            f"{name} is {force}, but must be {wanted}: only rolling takes None for a component"
         )
     force = field(name, force, grid.force_unit)
     total, force = np.atleast_1d(force) / area, force.tolist()
@@ -236,8 +239,8 @@ def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> 
     size = float(np.linalg.norm(total))
     if size > most * (1.0 + SLIDES):
         raise ValueError(
-            f"{name} is {force}, of size {size * area:.12g}, but the traction bound carries "
-            f"{most * area:.12g} at most: the bodies would slide off"
+            f"{name} is {force}, of size {size * area:.12g}, but friction carries at most "
+            f"{most * area:.12g}, the sum of μ p: the bodies would slide off"
         )
     return total, size >= most * (1.0 - SLIDES)
 

@@ -38,8 +38,8 @@ LITTLE = 0.1  # Share of a contact that sticks below which nearly all of it slid
 UNCOUPLED = 1e-3  # Difference parameter below which the coupling is below the error of most grids.
 
 UNDETERMINED = (
-    "the force is all that friction carries: all slides, by any creepages that are large enough; "
-    "the creepages that were to be found, slip and power are not determined, and NaN"
+    "the force is all that friction carries: everything slides, and any large creepage has this "
+    "force, so that creepages, slip and power are NaN; prescribe the creepage instead"
 )
 
 
@@ -118,8 +118,8 @@ def examine_friction(grid: Grid, mu: Any) -> tuple[str, ...]:
     if largest <= MOST_FRICTION:
         return ()
     return (
-        f"mu is {largest:.3g}, but hardly any coefficient of friction is above {MOST_FRICTION:g}: "
-        "one of 30 % is 0.3",
+        f"mu is {largest:.3g}, but coefficients of friction are hardly ever above "
+        f"{MOST_FRICTION:g}: give a fraction, 0.3 for 30 %",
     )
 
 
@@ -130,13 +130,13 @@ def examine_creepages(creepages: Iterable[float | None], area: float) -> tuple[s
     for name, value, arm in slips:
         if value is None or not abs(value) * arm > MOST_CREEPAGE:
             continue
-        said = f"the {name} creepage is {value:.3g}, over the distance rolled"
+        said = f"the {name} creepage is {value:.3g}"
         if name == "spin":
             said = f"the spin is {value:.3g} per mm, a creepage of {abs(value) * arm:.3g} at the "
             said += f"contact's radius of {radius:.3g} mm"
         found.append(
-            f"{said}, but rolling bodies mostly creep by far less than {MOST_CREEPAGE:g}: one of "
-            "0.1 % is 0.001"
+            f"{said}, but creepages are hardly ever above {MOST_CREEPAGE:g}: give a fraction, "
+            "0.001 for 0.1 %"
         )
     return tuple(found)
 
@@ -150,9 +150,9 @@ def examine_moment(moment: float, off: float, most: float, stick: float) -> tupl
     if stick > LITTLE or off <= max(OF_LARGEST * most, OF_MOMENT * abs(moment)):
         return ()
     return (
-        f"the moment is {moment:.3g}, but where all slides it may be off by half an element times "
-        f"the lateral force, {off:.3g}, {off / most:.0%} of the most that friction carries: the "
-        "spin that belongs to it is as uncertain; shorter elements along x make it more exact",
+        f"the moment is {moment:.3g}, but as nearly everything slides it is uncertain by {off:.3g} "
+        f"(half an element times the lateral force; {off / most:.0%} of the largest moment), and "
+        "so is the spin: use shorter elements along x",
     )
 
 
@@ -197,8 +197,8 @@ def _check_resolution(grid: Grid, contact: Array) -> Iterator[str]:
     across, elements = min(runs), grid.vectors.count(contact)
     if 0 < across < FEWEST and prod(runs) > NEGLIGIBLE * elements:
         yield (
-            f"the contact is only {across} element{'s' * (across > 1)} across: smaller elements, "
-            f"at least {FEWEST} across the largest spot, resolve it"
+            f"the contact is only {across} element{'s' * (across > 1)} across: use smaller "
+            f"elements, at least {FEWEST} across the largest spot"
         )
 
 
@@ -221,9 +221,8 @@ def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
     mean = grid.vectors.sum(p) / max(1, grid.vectors.count(contact))
     if mean > HARD * E:
         yield (
-            f"the mean pressure is {mean / E:.3g} E, but linear elasticity is for pressures far "
-            f"below {HARD:g} E: check the units of the load and of the modulus, and the length of "
-            "the grid"
+            f"the mean pressure is {mean / E:.3g} E, but linear elasticity holds for pressures far "
+            f"below {HARD:g} E: check the units of load, modulus and elements"
         )
 
 
@@ -245,13 +244,13 @@ def _check_edge(grid: Grid, z: Array, p: Array, interference: float) -> Iterator
     if touched and all(_is_farthest_in_the_middle(grid, z, axis) for axis in touched):
         yield (
             "the bodies touch at the edge of the grid, and are farthest apart in the middle: "
-            "the gap is positive where they are apart, so that its sign may be the wrong one"
+            "check the sign of the gap, which is positive where they are apart"
         )
     elif touched:
         names = " and ".join("xy"[axis] for axis in touched)
         yield (
             f"the contact reaches the edge of the grid along {names}, where the bodies end: "
-            "a larger grid leaves it room"
+            "use a larger grid, or periodic=True for a sample of a larger surface"
         )
 
 
@@ -290,7 +289,7 @@ def _check_coupling(grid: Grid) -> Iterator[str]:
     K = grid.material.difference
     if abs(K) > UNCOUPLED:
         yield (
-            f"the materials are unlike (difference parameter {K:.3g}), but the coupling of normal "
-            "and tangential tractions, in proportion to it, is left out: "
-            "contact.frictional_contact takes it, and in rolling contact.frictional_rolling"
+            f"the materials are unlike (difference parameter {K:.3g}), so that pressure and "
+            "friction depend on each other, which is neglected here: use "
+            "contact.frictional_contact, or contact.frictional_rolling for rolling"
         )

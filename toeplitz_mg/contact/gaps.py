@@ -61,6 +61,12 @@ class Heights:
     element: tuple[float, ...] | None
     periodic: bool = False
 
+    def __repr__(self) -> str:
+        """Return the number of pixels and their size in one line."""
+        shape, sizes = " x ".join(map(str, self.heights.shape)), self.element or ("unknown size",)
+        pixel = " x ".join(f"{h:.5g}" if isinstance(h, float) else str(h) for h in sizes)
+        return f"<Heights {shape}, pixels of {pixel} mm{', periodic' * self.periodic}>"
+
 
 def read_surface(
     gap: ArrayLike | None,
@@ -85,18 +91,22 @@ def read_surface(
     """
     if (gap is None) == (heights is None):
         raise ValueError(
-            "either gap or heights must be given: "
-            + ("neither is" if gap is None else "both are, but one decides the other")
+            "either gap or heights must be given: " + ("neither is" if gap is None else "both are")
         )
     if isinstance(heights, str | os.PathLike):
         raise TypeError(
-            f"heights is {str(heights)!r}, but must be heights: give those of a file as "
+            f"heights is {str(heights)!r}, but must be an array: read a file with "
             "heights=contact.surfaces.read(path)"
         )
     if isinstance(gap, Heights) or _is_topography(gap):
-        raise TypeError(f"gap is a {type(gap).__name__}, which has heights: give it as heights")
+        raise TypeError(f"gap is a {type(gap).__name__}, but must be an array: use heights=")
     name = "gap" if heights is None else "heights"
     given: Any = gap if heights is None else heights
+    if (several := getattr(given, "files", getattr(given, "data_vars", None))) is not None:
+        raise TypeError(
+            f"{name} is a {type(given).__name__}, but must be one of its arrays: "
+            f"{', '.join(map(str, several))}"
+        )
     if isinstance(given, Heights):
         given, element, periodic = _ask_heights(given, element, unit, periodic)
         unit = None
@@ -163,7 +173,9 @@ def measure_axes(name: str, values: Any, element: Any) -> tuple[Any, tuple[float
         at = np.asarray(values.coords[dim].values, float) if dim in values.coords else np.zeros(1)
         steps = np.diff(at)
         if steps.size and not np.allclose(steps, steps.mean(), rtol=1e-3, atol=0.0):
-            raise ValueError(f"the coordinates {dim} of {name} are not evenly spaced: resample it")
+            raise ValueError(
+                f"the coordinates {dim} of {name} are not evenly spaced: resample it, as by interp"
+            )
         if steps.size and steps[0] < 0.0:
             values = values.isel({dim: slice(None, None, -1)})
         found.append(abs(float(steps.mean())) if steps.size else None)
@@ -189,10 +201,16 @@ def unit_of_axes(name: str, values: Any) -> str | None:
 
 def _ask_axes(name: str, given: Any, element: Any, unit: Any) -> tuple[Any, Any, Any]:
     """Return what a labelled array says of its axes and units, and what was given beside it."""
+    is_measured = element is None
     given, element = measure_axes(name, given, element)
-    for k, (of, own) in enumerate(
-        ((name, given.attrs.get("units")), ("its axes", unit_of_axes(name, given)))
-    ):
+    stated = given.attrs.get("units"), unit_of_axes(name, given)
+    if unit is None and is_measured and None in stated and set(stated) - {None, "mm"}:
+        own, other = (name, "its coordinates") if stated[0] else ("its coordinates", name)
+        raise ValueError(
+            f"{own} has units {stated[0] or stated[1]!r}, but {other} has none: give both as unit="
+            "(heights, pixels)"
+        )
+    for k, (of, own) in enumerate(zip((name, "its axes"), stated, strict=True)):
         if own is not None:
             pair = unit if isinstance(unit, tuple | list) else (unit, unit)
             agreed = agree_on_unit(of, own, pair[k])
@@ -209,8 +227,8 @@ def _is_topography(surface: Any) -> bool:
     if not hasattr(surface, "heights") or not getattr(surface, "is_uniform", True):
         kind = type(surface).__name__
         raise TypeError(
-            f"heights is of type {kind}, but must be one topography on a uniform grid: see its "
-            "methods to_uniform() and topography()"
+            f"heights is of type {kind}, but must be one topography on a uniform grid: use its "
+            "method to_uniform() or topography()"
         )
     return True
 
@@ -220,7 +238,7 @@ def agree_on_unit(of: str, own: str | None, given: Unit | None) -> Any:
     if own is None and given is None:
         raise ValueError(f"{of} has no unit: give unit=, as 'um'")
     if own is not None and given is not None and set(read_unit(given)) != set(read_unit(own)):
-        raise ValueError(f"unit is {given!r}, but {of} is in {own!r}")
+        raise ValueError(f"unit is {given!r}, but {of} is in {own!r}: leave unit= out")
     return given if own is None else own
 
 
@@ -228,7 +246,9 @@ def read_unit(unit: Unit | None) -> tuple[float, float]:
     """Return the units of heights and of elements in mm, of one name or of two."""
     names = (unit, unit) if unit is None or isinstance(unit, str) else tuple(unit)
     if len(names) != 2:
-        raise ValueError(f"unit is {unit!r}, but must be one, or those of heights and elements")
+        raise ValueError(
+            f"unit is {unit!r}, but must be one name, or one each of heights and pixels"
+        )
     for name in names:
         if name is not None and name not in UNITS:
             raise ValueError(f"unit is {name!r}, but must be one of {', '.join(UNITS)}")
@@ -241,8 +261,8 @@ def _check_gap(gap: ArrayLike) -> Array:
     array = refuse_masked("gap", gap)
     if array.dtype.kind == "f" and np.isnan(array).any():
         raise ValueError(
-            "gap is not a number somewhere: where there is no material it is inf; of measured "
-            "heights, heights=, those that are not numbers are missing"
+            "gap is nan somewhere: use inf where there is no material, or give heights=, of which "
+            "nan are missing"
         )
     return field("gap", array)
 

@@ -100,8 +100,8 @@ class Grid:
         grid = cls(shape, sizes, material, distance, repeats, directions="xy"[: len(shape)])
         if grid.has_free_mean and max(shape) == 1:
             raise ValueError(
-                f"the grid has shape {shape}, but where it repeats along all axes it must have "
-                "more than one element: the mean displacement is no part of the answer"
+                f"the grid has shape {shape}, but must have more than one element if it is "
+                "periodic along all axes"
             )
         return grid
 
@@ -322,8 +322,9 @@ def read_sizes(shape: tuple[int, ...], element: Element) -> tuple[float, ...]:
     sizes = tuple(given.ravel().tolist())
     if given.ndim > 1 or len(sizes) not in (1, 2) or len(sizes) < len(shape):
         raise ValueError(
-            f"element is {element}, but the grid {shape} needs two sizes (h1, h2); line "
-            "contact also takes one, the width of strips of infinite length"
+            f"element is {element}, but must be "
+            + ("h, or (h, length)" if len(shape) == 1 else "two sizes (h1, h2)")
+            + f" for a grid of shape {shape}"
         )
     if not all(0.0 < h < np.inf for h in sizes):
         raise ValueError(f"element is {element}, but its sizes must be positive and finite")
@@ -358,8 +359,7 @@ def _read_reference(
         return sizes[axis] * (*shape, 1)[axis]
     if not is_line:
         raise ValueError(
-            f"reference is {reference}, but only plane strain (an element of one size) and "
-            "a surface that repeats along one of two axes have a constant displacement that "
-            "it decides"
+            f"reference is {reference}, but is only for plane strain (an element of one size), or "
+            "for a surface that is periodic along one of two axes: leave it out"
         )
     return positive("reference", reference, "mm")

@@ -71,8 +71,8 @@ def wheel_rail(
     wheel, rail : path, or array_like of shape (k, 2)
         The profiles: files of MiniProf (``.whl``, ``.ban``) or SIMPACK (``.prw``, ``.prr``), tables
         of two columns; or points (y, z), mm, with z upwards and y towards the field side. The
-        signs of files are told by what a profile is: flange and head point down, the flange is at
-        negative y. A rail has the y of its file.
+        signs of z, and of y of a wheel, are chosen so that the flange is at negative y and points
+        down, and the rail rounds off downwards. The y of a rail is that of its file.
     radius : float
         The rolling radius of the wheel where y = 0 on its profile, the tape circle, mm.
     lateral : float
@@ -133,7 +133,10 @@ def wheel_rail(
     own, top = _read("wheel", wheel), _read("rail", rail)
     tread = _curve("wheel", own, weight)
     if not tread.low <= 0.0 <= tread.high:
-        raise ValueError("the profile wheel has no y = 0, where its radius is given")
+        raise ValueError(
+            f"the profile wheel has y from {tread.low:g} to {tread.high:g} mm, but must have "
+            "y = 0, where radius= is given"
+        )
     tape = float(tread.z(0.0))
     turned = _turn(turn)
     low = own @ turned + (moved, 0.0)
@@ -184,7 +187,10 @@ def _curve(name: str, points: Array, weight: float) -> _Curve:
     part = max(parts, key=lambda part: float(np.ptp(part[:, 0])))
     y, z = (part if part[0, 0] < part[-1, 0] else part[::-1]).T
     if len(y) < (least := 4 + (weight > 0.0)):
-        raise ValueError(f"the profile {name} has {len(y)} points in order, but needs {least}")
+        raise ValueError(
+            f"the profile {name} has only {len(y)} points in a row along which y increases, but "
+            f"needs {least}"
+        )
     spline = make_smoothing_spline(y, z, lam=weight) if weight > 0.0 else CubicSpline(y, z)
     return _Curve(float(y[0]), float(y[-1]), spline)
 
@@ -195,7 +201,7 @@ def _touch(f: _Curve, g: _Curve) -> float:
 
     low, high = max(f.low, g.low), min(f.high, g.high)
     if not low < high:
-        raise ValueError("the profiles of wheel and rail have no y in common: see lateral")
+        raise ValueError("the profiles of wheel and rail have no y in common: check lateral=")
 
     def apart(y: Any) -> Any:
         return f.z(y) - g.z(y)
@@ -204,7 +210,8 @@ def _touch(f: _Curve, g: _Curve) -> float:
     k = int(np.argmin(apart(y)))
     if k in (0, SAMPLES - 1):
         raise ValueError(
-            f"wheel and rail touch where a profile ends, at y = {y[k]:.4g} mm: see lateral and roll"
+            f"wheel and rail touch where a profile ends, at y = {y[k]:.4g} mm: check lateral=, "
+            "roll= and the profiles"
         )
     near = y[k - 1], y[k + 1]
     return float(minimize_scalar(apart, bounds=near, method="bounded", options={"xatol": 1e-10}).x)
@@ -229,7 +236,10 @@ def _read(name: str, profile: Any) -> Array:
 
 def read_points(path: Path) -> Array:
     """Return the points of a profile in a file of SIMPACK or MiniProf, or of two columns, mm."""
-    text, scale, at = decode(path.read_bytes()), 1.0, (0, 1)
+    try:
+        text, scale, at = decode(path.read_bytes()), 1.0, (0, 1)
+    except UnicodeDecodeError:
+        raise ValueError(f"{path} is not a text, but must be a profile of two columns") from None
     if "point.begin" in text:
         head, _, body = text.partition("point.begin")
         body = body.partition("point.end")[0]
@@ -249,7 +259,7 @@ def read_points(path: Path) -> Array:
     rows = [re.findall(NUMBER, re.split(r"[!#%]", line)[0]) for line in body.splitlines()]
     rows = [row for row in rows if row]
     if len(rows) < 4 or min(map(len, rows)) <= max(at):
-        raise ValueError(f"{path} has no profile: 4 lines at least with the numbers y and z")
+        raise ValueError(f"{path} has no profile: it needs at least 4 lines with numbers y and z")
     points = scale * np.array([[float(row[k]) for k in at] for row in rows])
     apart = np.append(True, np.abs(np.diff(points, axis=0)).max(axis=1) > 0.0)
     return np.asarray(points[apart])

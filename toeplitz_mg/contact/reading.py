@@ -274,6 +274,11 @@ def _sample(path: Path, found: _Found, element: Any) -> tuple[Array, Any]:
             "distance at which it is to be interpolated"
         )
     x, h = np.asarray(topography.positions()), positive("element", element)
+    if not h < x[-1] - x[0]:
+        raise ValueError(
+            f"element is {h:g}, but must be less than the length of the profile {path}, "
+            f"{x[-1] - x[0]:g}: both are in the same unit"
+        )
     at = x[0] + h * np.arange(int((x[-1] - x[0]) / h * (1.0 + 1e-12)) + 1)
     return np.interp(at, x, heights), h
 

@@ -154,7 +154,7 @@ class Stresses(Result):
         if field not in [*SHOWN]:  # A list has no hash, but is refused as any other.
             raise ValueError(f"field is {field!r}, but must be one of {', '.join(SHOWN)}")
         if len(self.depths) < 2 or not (np.diff(self.depths) > 0.0).all():
-            raise ValueError(f"depths is {self.depths}, but must rise, and be two at least")
+            raise ValueError(f"depths is {self.depths}, but must be two or more that increase")
         return pictures.draw_section(self, field, SHOWN[field], ax)
 
     def __repr__(self) -> str:
@@ -288,13 +288,14 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
         require_whole(result, "a result")
         if any(result.periodic):
             raise ValueError(
-                f"periodic is {result.periodic} in a result, but stresses are those below bodies "
-                "of which nothing repeats"
+                f"a result has periodic={result.periodic}, but stresses are only known below "
+                "bodies that do not repeat: press them with periodic=False"
             )
     kinds = [type(result) for result in results]
     if len(kinds) not in (1, 2) or len(set(kinds)) < len(kinds):
         raise ValueError(
-            f"there are {len(kinds)} results, but must be a normal one, a tangential one, or both"
+            f"there are {len(kinds)} results, but there must be a normal one, a tangential one, or "
+            "one of each"
         )
     first, last = results[0], results[-1]
     for name in ("shape", "element", "material"):
@@ -316,8 +317,8 @@ def _doubt(results: tuple[ContactResult, ...]) -> None:
         if count:
             doubts.warn(
                 (
-                    f"{count} elements have tangential tractions, but no pressure: the results may "
-                    "be of two contacts",
+                    f"{count} elements have tangential tractions, but no pressure: the two results "
+                    "may belong to different contacts",
                 ),
                 within=1,
             )
@@ -329,8 +330,8 @@ def _find_ratio(material: CombinedMaterial, body: str) -> float:
         raise ValueError(f"body is {body!r}, but must be 'first' or 'second'")
     if material.bodies is None:
         raise ValueError(
-            f"material is {material}, of which the bodies are not known: use contact.Material, or "
-            "two of them"
+            f"material is {material}, which does not tell the two bodies apart: use "
+            "contact.Material, or two of them"
         )
     of_body = material.bodies[BODIES.index(body)]
     if np.isinf(of_body.G):

@@ -174,12 +174,14 @@ def hertz(
     in_range("E*", modulus)
     if (force is None) == (approach is None):
         raise ValueError(
-            f"force is {force} and approach is {approach}, but one of the two must be given"
+            f"force is {force} and approach is {approach}, but just one of the two must be given"
         )
     if force is not None:
         force = finite("force", force, "N/mm" if math.isinf(max(R)) else "N")
         if force < 0.0:
-            raise ValueError(f"force is {force:g}, but bodies that do not stick cannot pull")
+            raise ValueError(
+                f"force is {force:g}, but must be at least zero: without adhesion nothing can pull"
+            )
         in_range("force", force)
     if approach is not None:
         approach = positive("approach", approach, "mm")
@@ -191,8 +193,8 @@ def hertz(
     if math.isinf(max(R)):
         if force is None:
             raise ValueError(
-                f"approach is {approach}, but line contact leaves it open by a constant: give the "
-                "force"
+                f"approach is {approach}, but in line contact it is only known up to a constant: "
+                "give the force"
             )
         return _press_cylinder(R, modulus, force, reference)
     return _press_ellipsoid(R, modulus, force, approach)
@@ -216,13 +218,14 @@ def _check_radii(radii: ArrayLike) -> tuple[float, float]:
     k = add_curvatures(radii)
     if not min(k) >= 0.0 < max(k):
         raise ValueError(
-            f"radii is {radii!r}, but both curvatures must be convex, and only one of them zero"
+            f"radii is {radii!r}, but the curvatures 1/R of both bodies together must be positive "
+            "along x and y, or along one of them zero"
         )
     R = 1.0 / k[0] if k[0] else math.inf, 1.0 / k[1] if k[1] else math.inf
     if math.isfinite(max(R)) and max(R) > FLATTEST * min(R):
         raise ValueError(
-            f"radii is {radii!r}, but one may be {FLATTEST:g} times the other at most: an infinite "
-            "one makes it a cylinder, in line contact"
+            f"radii is {radii!r}, but one may be at most {FLATTEST:g} times the other: use inf for "
+            "a cylinder in line contact"
         )
     return R
 

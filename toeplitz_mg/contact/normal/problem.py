@@ -463,8 +463,8 @@ def _check_loads(
     """Return whether forces are given, and the loads."""
     if (forces is None) == (approaches is None):
         raise ValueError(
-            f"forces is {forces!r} and approaches is {approaches!r}, but one of the two must be "
-            "given"
+            f"forces is {forces!r} and approaches is {approaches!r}, but just one of the two must "
+            "be given"
         )
     name, given = ("forces", forces) if approaches is None else ("approaches", approaches)
     assert given is not None

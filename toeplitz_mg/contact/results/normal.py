@@ -206,13 +206,13 @@ class NormalResult(GridResult):
         rho = 1.0 / positive("k1", k1) + 1.0 / positive("k2", k2)
         if len(self.element) == 1 or sum(self.periodic) == 1:
             raise ValueError(
-                f"element is {self.element} and periodic {self.periodic}, a line contact, but must "
-                "be those of an area: a line conducts only to points at a finite distance"
+                f"element is {self.element} and periodic {self.periodic}, a line contact, but only "
+                "an area has a conductance between points that are far away"
             )
         if self.plastic is not None and self.plastic.any():
             raise ValueError(
-                f"plastic is above zero in {self._yields}, but must be zero: the stiffness has no "
-                "part of elements that yield, though these conduct"
+                f"plastic is above zero in {self._yields}, but must be zero: elements that yield "
+                "conduct, but have no part in the stiffness"
             )
         if self.stiffness is None:
             raise ValueError("stiffness is None, but must be known: use normal_contact")

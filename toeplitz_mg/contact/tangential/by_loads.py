@@ -155,12 +155,12 @@ def check_loads(
     missing, error = loads.missing(q, VECTORS), loads.error(q, VECTORS)
     if error > ACCURATE * tolerance:
         found = ", ".join(
-            f"{name} is to be {a:.6g}, and {a - b:.6g} is the nearest that was found"
+            f"{name} must be {a:.6g}, and the nearest found is {a - b:.6g}"
             for name, a, b in zip(names, loads.wanted, missing, strict=True)
         )
         raise ContactError(
-            f"after {result.products} products {error:.1e} of a load is missing, but at most "
-            f"{ACCURATE:g} times the tolerance of {tolerance:g} may be: {found}",
+            f"after {result.products} products a load is missed by {error:.1e} of it, but at most "
+            f"{ACCURATE:g} times the tolerance of {tolerance:g} is allowed: {found}",
             result,
         )
 

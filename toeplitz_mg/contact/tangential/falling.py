@@ -52,7 +52,7 @@ def read_law(falling: Law | None, mu: Any, bound: Any) -> tuple[Any, Any]:
     in_range("s0 of falling", distance)
     if mu is not None and np.any(wrong := (friction := field("mu", mu, "")) != static):
         raise ValueError(
-            f"mu is {friction[wrong].flat[0]:g}, but falling has mu_s = {static:g}, which is the "
+            f"mu is {friction[wrong].flat[0]:g}, but falling has mu_s = {static:g}, the "
             "coefficient without slip: leave mu out"
         )
 
@@ -102,19 +102,20 @@ def examine(
     falls, rises = _steepest(of_slip, s)
     resists = result.element[0] / _largest_of_symbol(K.A)
     slopes = (
-        f"friction falls by up to {falls:.3g} N/mm² where the slip grows by 1, but the bodies "
-        f"resist by {resists:.3g} only, on the wavelength on which they resist least"
+        f"per unit of slip friction falls by up to {falls:.3g} N/mm², but the elastic tractions "
+        f"change by as little as {resists:.3g} N/mm²"
     )
     if result.residual > tolerance and (falls > resists or not K.exhausted):
         steep = f"friction falls too steeply: {slopes}"
         if falls <= resists:
-            steep = f"friction jumps: it rises by up to {rises:.3g} N/mm² where the slip grows by 1"
+            steep = f"friction jumps: it rises by up to {rises:.3g} N/mm² per unit of slip"
         raise ContactError(
-            f"after {result.products} products bound and slip belong to each other to "
-            f"{result.residual:.1e} only, but the tolerance is {tolerance:g}: {steep}",
+            f"after {result.products} products the law of friction is violated by "
+            f"{result.residual:.1e}, but the tolerance is {tolerance:g}: {steep}",
             result,
         )
-    return (f"{slopes}: there may be other answers than this one",) if falls > resists else ()
+    doubt = f"{slopes}: there may be other answers: check the law, or choose one by guess="
+    return (doubt,) if falls > resists else ()
 
 
 def _steepest(of_slip: Callable[[Array], Array], slip: Array) -> tuple[float, float]:
@@ -150,8 +151,8 @@ def multiply(g: Array, falling: Callable[[Array], ArrayLike], s: Array) -> Array
         )
     if not np.isfinite(factor).all() or (factor < 0.0).any():
         raise ValueError(
-            f"falling has returned {factor.min():g} to {factor.max():g}, but a factor of the bound "
-            "is finite and at least zero"
+            f"falling has returned {factor.min():g} to {factor.max():g}, but must return finite "
+            "factors that are at least zero"
         )
     factor = np.maximum(factor, LEAST)  # It may underflow.
     in_range("the factor of falling friction", float(factor.max(initial=0.0)))

@@ -219,8 +219,8 @@ def shift_bodies(
         b = b + change
     if force is None and grid.has_free_mean and grid.vectors.count(g) == prod(grid.shape):
         raise ValueError(
-            "shift is given, but surfaces that repeat and touch everywhere stick under many a "
-            "force, at no shift from their mean: give the force"
+            "shift is given, but where periodic surfaces touch and stick everywhere the shift from "
+            "their mean displacement is zero under any force: give the force"
         )
     total, all_slides = None, False
     if force is not None:
@@ -286,8 +286,8 @@ def _read_shift(shift: Any, force: Any, shape: tuple[int, ...]) -> tuple[Array |
     of_elements = change is not None and is_field(shift, shape[0])
     if (shift is None) == (force is None) and not (of_elements and force is not None):
         raise ValueError(
-            f"shift is {show(shift)} and force is {show(force)}, but one of the two must be given: "
-            "a shift beside a force is a field"
+            f"shift is {show(shift)} and force is {show(force)}, but just one of the two must be "
+            "given, unless the shift is an array over the grid"
         )
     return change, of_elements
 

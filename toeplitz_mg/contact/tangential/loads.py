@@ -232,19 +232,18 @@ class Loads:
         pairs = zip(self.wanted.tolist(), most.tolist(), strict=True)
         return np.array([(a / b if b else np.inf) if a else 0.0 for a, b in pairs])
 
-    def check_share(self, g: Array, vectors: Vectors, bearer: str = "the traction bound") -> None:
+    def check_share(self, g: Array, vectors: Vectors, bearer: str = "friction") -> None:
         """Refuse loads that the bearer's bound g carries one by one, but not together."""
         share = self.share(g, vectors)
         if share == np.inf:
             raise BeyondBound(
-                "no tractions in the contact have these loads together: some follow from others, "
-                "as a moment from forces on a single element"
+                "no tractions in the contact have these forces and this moment together: on a "
+                "single element, for example, the moment follows from the forces; give one of them"
             )
         if not share < 1.0:
             raise BeyondBound(
-                f"the loads together are {share:.4g} times what {bearer} carries of them, but must "
-                "be less than that: no creepages have such loads; reduce the force or the moment, "
-                "or leave one of them out, which is then found"
+                f"the loads together are {share:.4g} times what {bearer} carries in this "
+                "proportion: reduce the force or the moment, or give a creepage in the place of one"
             )
 
     def check_beside(self, g: Array, b: Array, vectors: Vectors) -> None:
@@ -257,8 +256,8 @@ class Loads:
         wanted, most = abs(float(self.wanted[0])), float(self.carried(g, vectors)[0])
         if wanted > NEARLY * most and not wanted < (limit := self._limit_beside(g, b, vectors)):
             raise BeyondBound(
-                f"the load is of size {wanted:g}, but must be less than what the traction bound "
-                f"carries beside the creepages that are given, as then all slides: {limit:g}"
+                f"the load is of size {wanted:g}, but must be less than {limit:g}, the most that "
+                "friction carries with the creepages that are given: there everything slides"
             )
 
     def _limit_beside(self, g: Array, b: Array, vectors: Vectors) -> float:

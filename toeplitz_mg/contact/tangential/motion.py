@@ -77,15 +77,15 @@ class Motion:
             in_range(name, abs(finite(name, value)))
             if abs(value) > LARGEST:
                 raise ValueError(
-                    f"{name} is {value:g}, but must be at most {LARGEST:g} in size: beside such a "
-                    "slip what the bodies yield is rounding"
+                    f"{name} is {value:g}, but must be at most {LARGEST:g} in size: beside a "
+                    "larger one elastic displacements are below rounding"
                 )
             if wanted is not None:
                 in_range(load, abs(finite(load, wanted)))
             if value and wanted is not None:
                 raise ValueError(
                     f"{name} is {value:g} and {load} is {wanted:g}, but only one of the two can be "
-                    "given: the other is found"
+                    "given: the other is a result"
                 )
             given.append(value if wanted is None else None)
         if len(shape) == 1 and given[2] != 0.0:
@@ -127,7 +127,7 @@ class Motion:
         total, all_slides = check_force(force, grid.vectors.sum(g), grid)
         return total if all_slides else None
 
-    def check_loads(self, grid: Any, g: Array, bearer: str = "the traction bound") -> None:
+    def check_loads(self, grid: Any, g: Array, bearer: str = "friction") -> None:
         """Refuse loads that the bearer's bound g cannot carry, so that the bodies slide off."""
         if not self.unknown:
             return
@@ -143,8 +143,8 @@ class Motion:
             most = grid.area * grid.vectors.sum(carried)
             if load and not load < most:
                 raise BeyondBound(
-                    f"the {name} is of size {load:g}, but must be less than {bearer} carries, as "
-                    f"then all slides, by any creepage: {most:g}"
+                    f"the {name} is of size {load:g}, but must be less than {most:g}, the most "
+                    f"that {bearer} carries: there everything slides, at any creepage"
                 )
         if self.loads[2] is not None:
             self._check_spin(grid, g)
@@ -157,8 +157,8 @@ class Motion:
             return
         if not grid.vectors.count(slips & (g > 0.0)):
             raise ValueError(
-                f"the moment is {self.loads[2]:g}, but a spin about the pole, {self.pole}, slips "
-                "nothing in the contact, so that no spin gives this moment: give the spin"
+                f"the moment is {self.loads[2]:g}, but a spin about the pole, {self.pole}, makes "
+                "nothing in the contact slip, so that no spin has this moment: give the spin"
             )
 
     def doubts(self, grid: Any, found: Any) -> tuple[str, ...]:
@@ -281,8 +281,8 @@ def _read_force(is_line: bool, force: Any) -> tuple[float | None, float | None]:
     except (TypeError, ValueError):
         wanted = "(Fx, Fy), or in line contact a number" if is_line else "(Fx, Fy)"
         raise ValueError(
-            f"the tangential force is {force}, but must be {wanted}; None in the place of one that "
-            "is not given"
+            f"the tangential force is {force}, but must be {wanted}, with None for a component "
+            "whose creepage is given"
         ) from None
     return x, y
 

@@ -39,7 +39,7 @@ from toeplitz_mg.halfspace.materials import Bodies
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import in_unit
 
-ANY_SLIP = "the friction of any slip"
+ANY_SLIP = "friction at any slip"
 # Rounding of what creepages leave of a slip that is given, over that slip, at most.
 ROUNDING = 1000.0 * float(np.finfo(np.float64).eps)
 

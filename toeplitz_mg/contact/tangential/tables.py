@@ -182,18 +182,18 @@ def _read_points(*creepages: ArrayLike) -> Array:
     lengths = {len(values) for values in given if values.ndim == 1}
     if all(values.ndim == 0 for values in given):
         raise ValueError(
-            "longitudinal, lateral and spin are numbers, but one at least must be an array, with a "
-            "number for each point of the curve: of one point use rolling, and of several forces "
-            "or moments rolling for each"
+            "longitudinal, lateral and spin are numbers, but at least one must be an array with a "
+            "number for each point of the curve: for one point, or one force after the other, "
+            "call rolling"
         )
     if lengths == {0}:
-        raise ValueError("the arrays of creepages are empty, but a curve has one point at least")
+        raise ValueError("the arrays of creepages are empty, but a curve needs a point")
     if any(values.ndim > 1 for values in given) or len(lengths) != 1:
         shapes = ", ".join(
             f"{name} has shape {values.shape}"
             for name, values in zip(CREEPAGES, given, strict=True)
         )
-        raise ValueError(f"{shapes}, but they must be numbers, and arrays (points,) of one length")
+        raise ValueError(f"{shapes}, but must be numbers, or arrays (points,) of the same length")
     return np.stack(np.broadcast_arrays(*given), axis=1)
 
 
@@ -273,10 +273,10 @@ def kalker_coefficients(
     """
     if isinstance(ratio, NormalResult):
         if nu is not None:
-            raise ValueError(f"nu is {nu}, but a normal result has its own: leave it out")
+            raise ValueError(f"nu is {nu}, but the normal result has it: leave it out")
         nu, ratio = ratio.material.nu, _measure_ratio(ratio)
     elif nu is None:
-        raise TypeError("nu is not given, but only a normal result has its own")
+        raise TypeError("nu is not given, but must be, unless a normal result is")
     if not LEAST <= positive("ratio", ratio) <= MOST:
         raise ValueError(f"ratio is {ratio}, but must be {LEAST:g} to {MOST:g}")
     material = Material.from_shear(1.0, check_ratio(nu))
@@ -301,8 +301,8 @@ def _measure_ratio(pressed: NormalResult) -> float:
     a, b = (2.0 * float(h * np.sqrt(np.var(k) + 1.0 / 12.0)) for k, h in places)
     if (share := pressed.area / (np.pi * a * b)) < FULL:
         raise ValueError(
-            f"the contact fills {share:.2g} of the ellipse along x and y that has its second "
-            f"moments, but must fill {FULL} at least: give the ratio a/b of one that is like it"
+            f"the contact fills only {share:.2g} of the ellipse that has its second moments, so "
+            f"that it is no ellipse (at least {FULL}): give the ratio a/b of a similar one"
         )
     return a / b
 

@@ -369,8 +369,8 @@ def read_gap(
     z, element, periodic = read_surface(gap, element, heights, unit, None)
     if np.any(periodic):
         raise ValueError(
-            "heights is a topography that repeats, but unlike bodies with friction are of surfaces "
-            "that end: give its heights as an array, with element and unit"
+            "heights has periodic=True, but this function takes no periodic surfaces: give its "
+            "heights as an array, with element= and unit="
         )
     return z, element
 
