@@ -1,7 +1,7 @@
-"""Doubts: where an answer is right for what was given, which may not be what was meant.
+"""Warnings about input that is valid, but may not be what was meant.
 
-Each is a sentence in the `warnings` of a result, and a `ContactWarning`. The public functions look
-for them at their own input and answer; the coarser grids within are nobody's concern.
+Each is a sentence in the `warnings` of a result, and is issued as a `ContactWarning`. The public
+functions examine their own input and result; warnings about internal coarse grids are suppressed.
 """
 
 import re
@@ -18,24 +18,24 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.grid import Grid, keep
 from toeplitz_mg.contact.results.base import remake
 
-FEWEST = 10  # Elements across a contact below which its area and pressures are rough guesses.
-# Share of the contact in its largest spot, and of the load on the elements at an edge of the grid,
-# up to which the result depends on neither.
+FEWEST = 10  # With fewer elements across a contact, its area and pressures are rough guesses.
+# If the largest spot has a smaller share of the contact, its resolution does not matter; if the
+# edge elements carry a smaller share of the load, the edge of the grid does not matter.
 NEGLIGIBLE = 0.05
-CUT = 0.5  # Share of the load on runs of elements up to an edge, beyond which most of it is there.
-STEEP = 1.0  # Slope from which the gap is steep: half-spaces are for slopes far below it.
-MOSTLY = 0.5  # Share of the grid that is steep, above which that is more than a few steps.
-# Mean pressure over Young's modulus of the softer body, above which linear elasticity is no
-# description: a steel sphere on steel has it where the contact is half as wide as the sphere.
+CUT = 0.5  # Share of the load on the elements connected to an edge, above which that edge matters.
+STEEP = 1.0  # A gap with such slopes is steep: half-space theory needs slopes far below.
+MOSTLY = 0.5  # Share of the grid that is steep, above which it is more than a few steps.
+# Mean pressure over Young's modulus of the softer body, above which linear elasticity fails: a
+# steel sphere on steel reaches it when the contact is half as wide as the sphere.
 HARD = 0.1
-MOST_CREEPAGE = 0.1  # Rolling bodies creep by far less; by spin that is the slip at the radius.
+MOST_CREEPAGE = 0.1  # Creepages of rolling bodies are far smaller; spin is taken times the radius.
 MOST_FRICTION = 2.0  # Hardly any pair of bodies has a larger coefficient of friction.
-FLAT = 1e-6  # Sag of the gap between two edges, over the interference, of what is a flat punch.
-REVERSED = -0.9  # Correlation of the mean gap with a parabola: that of a reversed sphere is -1.
-# What a moment may be off by that is told, over the largest that friction carries, and over it.
+FLAT = 1e-6  # Largest sag of the gap between two edges, over the interference, for a flat punch.
+REVERSED = -0.9  # Correlation of the mean gap with a parabola; -1 for a sphere of reversed sign.
+# Smallest error of a moment to warn about, relative to the largest moment and to the moment.
 OF_LARGEST, OF_MOMENT = 0.01, 0.1
-LITTLE = 0.1  # Share of a contact that sticks below which nearly all of it slides.
-UNCOUPLED = 1e-3  # Difference parameter below which the coupling is below the error of most grids.
+LITTLE = 0.1  # If a smaller share of the contact sticks, nearly all of it slides.
+UNCOUPLED = 1e-3  # Below this difference parameter, coupling is smaller than the grid error.
 
 UNDETERMINED = (
     "the force is all that friction carries: everything slides, and any large creepage has this "
@@ -44,14 +44,14 @@ UNDETERMINED = (
 
 
 class ContactWarning(UserWarning):
-    """The answer is right for the numbers given, but they may not be what was meant.
+    """The input is valid, but may not be what was meant.
 
-    The grid may be too small or too coarse for the contact, a unit or a sign another than was
-    thought, or the problem beyond the theory of half-spaces. The `warnings` of a result lists all.
+    The grid may be too small or too coarse for the contact, a unit or a sign may be wrong, or the
+    problem may be beyond the theory of half-spaces. The `warnings` of a result lists all of them.
 
     See Also
     --------
-    ContactError : where no answer was found.
+    ContactError : raised if no solution was found.
     """
 
 
@@ -59,9 +59,9 @@ _gathered: ContextVar[list[str] | None] = ContextVar("_gathered", default=None)
 
 
 def warn(doubts: tuple[str, ...], *, within: int = 0, known: tuple[str, ...] = ()) -> None:
-    """Warn whoever called the public function that calls this, or that calls what does.
+    """Issue the warnings at the line that called the public function, `within` frames further up.
 
-    What is known has been warned of before, as by the normal contact that friction is given.
+    Warnings in `known` were issued before, for example for the normal result given to friction.
     """
     for doubt in doubts:
         if (gathered := _gathered.get()) is not None:
@@ -71,13 +71,13 @@ def warn(doubts: tuple[str, ...], *, within: int = 0, known: tuple[str, ...] = (
 
 
 def add(result: Any, found: tuple[str, ...]) -> Any:
-    """Return a result with more doubts."""
+    """Return a result with more warnings."""
     return remake(result, warnings=(*result.warnings, *found)) if found else result
 
 
 @contextmanager
 def gather_doubts() -> Iterator[Callable[[], tuple[str, ...]]]:
-    """Warn of nothing inside: what is yielded returns the doubts, of one kind the first only."""
+    """Suppress warnings inside; the yielded function returns them, the first one of each kind."""
     found: list[str] = []
     token = _gathered.set(found)
     try:
@@ -87,7 +87,7 @@ def gather_doubts() -> Iterator[Callable[[], tuple[str, ...]]]:
 
 
 def examine_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tuple[str, ...]:
-    """Return the doubts about the pressures `p` where the gap was `z`."""
+    """Return the warnings for the pressures `p` if the gap was `z`."""
     contact = p > 0.0
     return (
         *_check_units(grid, z, contact),
@@ -98,9 +98,9 @@ def examine_pressures(grid: Grid, z: Array, p: Array, interference: float) -> tu
 
 
 def examine_bound(grid: Grid, contact: Array) -> tuple[str, ...]:
-    """Return the doubts about a tangential problem whose bound says that this is in contact.
+    """Return the warnings for a tangential problem with these elements in contact.
 
-    Where the bound ends is given, so that the edge of the grid is of no importance.
+    The bound is given, so it does not matter if the contact reaches the edge of the grid.
     """
     return _examine_elements(grid, contact.tobytes())
 
@@ -112,7 +112,7 @@ def _examine_elements(grid: Grid, contact: bytes) -> tuple[str, ...]:
 
 
 def examine_friction(grid: Grid, mu: Any) -> tuple[str, ...]:
-    """Return the doubt about a coefficient of friction, unless it is infinite where bodies bond."""
+    """Return the warning for a large coefficient of friction; infinity means bonded bodies."""
     finite = np.atleast_1d(0.0 if mu is None else mu)
     largest = max(grid.vectors.gather(float(finite.max(initial=0.0, where=finite < np.inf))))
     if largest <= MOST_FRICTION:
@@ -124,7 +124,7 @@ def examine_friction(grid: Grid, mu: Any) -> tuple[str, ...]:
 
 
 def examine_creepages(creepages: Iterable[float | None], area: float) -> tuple[str, ...]:
-    """Return the doubts about creepages, longitudinal, lateral and spin, of a contact area."""
+    """Return the warnings for large creepages (longitudinal, lateral, spin) and a contact area."""
     radius, found = float(np.sqrt(area / np.pi)), []
     slips = zip(("longitudinal", "lateral", "spin"), creepages, (1.0, 1.0, radius), strict=False)
     for name, value, arm in slips:
@@ -142,10 +142,10 @@ def examine_creepages(creepages: Iterable[float | None], area: float) -> tuple[s
 
 
 def examine_moment(moment: float, off: float, most: float, stick: float) -> tuple[str, ...]:
-    """Return the doubt about a moment that is given where nearly all slides.
+    """Return the warning for a moment that is given while nearly all elements slide.
 
-    It is off by half an element times the lateral force there, which is `off`. The largest moment
-    that friction carries is `most`, and `stick` the share of the contact that sticks.
+    The moment then has the error `off`, half an element times the lateral force. `most` is the
+    largest moment that friction can carry, `stick` the share of the contact that sticks.
     """
     if stick > LITTLE or off <= max(OF_LARGEST * most, OF_MOMENT * abs(moment)):
         return ()
@@ -157,7 +157,7 @@ def examine_moment(moment: float, off: float, most: float, stick: float) -> tupl
 
 
 def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
-    """Yield a doubt where heights are as large as lengths: they may be in another unit."""
+    """Yield a warning if heights are as large as lengths: they may be in another unit."""
     vectors = grid.vectors
     length = max([n * h for n, h in zip(grid.shape, grid.element, strict=False)])
     if (depth := vectors.max(z) - vectors.min(z)) > length:
@@ -172,7 +172,7 @@ def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
         slopes = np.abs(heights[..., 1:] - heights[..., :-1]) / h
         if vectors.max(slopes) <= STEEP:
             continue
-        # A step beside the contact, as at the rim of a punch, is no slope in it.
+        # A step beside the contact, as at the rim of a punch, is not a slope in contact.
         pairs = touching[..., 1:] & touching[..., :-1]
         steps = prod(grid.shape) - prod(grid.shape) // grid.shape[axis]
         most = max(most, vectors.count(slopes > STEEP) / max(1, steps))
@@ -190,8 +190,8 @@ def _check_units(grid: Grid, z: Array, contact: Array) -> Iterator[str]:
 
 
 def _check_resolution(grid: Grid, contact: Array) -> Iterator[str]:
-    """Yield a doubt where there are too few elements across the largest spot, if it counts."""
-    # A grid of one row of elements is a line contact, or plane strain.
+    """Yield a warning if too few elements lie across the largest spot, unless it is one of many."""
+    # A grid with one row of elements is a line contact, or plane strain.
     axes = [axis for axis, n in enumerate(grid.shape) if n > 1] or [0]
     runs = [_longest_run(grid, contact, axis) for axis in axes]
     across, elements = min(runs), grid.vectors.count(contact)
@@ -203,9 +203,9 @@ def _check_resolution(grid: Grid, contact: Array) -> Iterator[str]:
 
 
 def _longest_run(grid: Grid, contact: Array, axis: int) -> int:
-    """Return the largest number of elements in contact that follow each other along an axis."""
+    """Return the largest number of consecutive elements in contact along an axis."""
     lines = grid.lines(contact, axis)
-    if grid.periodic[axis]:  # A spot may go on at the other end.
+    if grid.periodic[axis]:  # A spot may continue at the other end.
         lines = np.concatenate([lines, lines], axis=-1)
     ends = np.zeros((*lines.shape[:-1], 1), bool)
     runs = np.concatenate([ends, lines, ends], axis=-1).ravel()
@@ -215,7 +215,7 @@ def _longest_run(grid: Grid, contact: Array, axis: int) -> int:
 
 
 def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
-    """Yield a doubt where the pressures are too high for linear elasticity."""
+    """Yield a warning if the pressures are too high for linear elasticity."""
     G, nu, bodies = grid.material.G, grid.material.nu, grid.material.bodies
     E = 2.0 * G * (1.0 + nu) if bodies is None else min(body.E for body in bodies)
     mean = grid.vectors.sum(p) / max(1, grid.vectors.count(contact))
@@ -227,11 +227,11 @@ def _check_load(grid: Grid, p: Array, contact: Array) -> Iterator[str]:
 
 
 def _check_edge(grid: Grid, z: Array, p: Array, interference: float) -> Iterator[str]:
-    """Yield a doubt where the contact may go on beyond the grid, or the gap has the wrong sign.
+    """Yield a warning if the contact is cut off by the grid, or the gap has the wrong sign.
 
-    Along an axis in which the gap is straight, flat or inclined, the bodies are meant to end where
-    the grid ends, as a punch does. Of a surface with many spots those at the edge bear next to
-    nothing, and it is no matter what is beyond it.
+    If the gap is straight along an axis, flat or inclined, the bodies are assumed to end at the
+    edge of the grid, like a punch. If a surface has many spots, those at the edge carry little
+    load, so it does not matter what is beyond.
     """
     touched = [
         axis
@@ -255,7 +255,7 @@ def _check_edge(grid: Grid, z: Array, p: Array, interference: float) -> Iterator
 
 
 def _is_cut_off(grid: Grid, p: Array, axis: int) -> bool:
-    """Whether the elements at the ends of an axis bear a part of the load, or those up to them."""
+    """Whether the elements at the ends of an axis, or connected to these, carry much load."""
     lines, load = grid.lines(p, axis), grid.vectors.sum(p)
     contact = lines > 0.0
     first = np.logical_and.accumulate(contact, axis=-1)
@@ -266,14 +266,14 @@ def _is_cut_off(grid: Grid, p: Array, axis: int) -> bool:
 
 
 def _largest_sag(grid: Grid, z: Array, axis: int) -> float:
-    """Return the largest distance of the gap from the lines between its ends along an axis."""
+    """Return the largest sag of the gap below the chords between its ends along an axis."""
     z = grid.lines(z, axis)
     t = np.linspace(0.0, 1.0, z.shape[-1])
     return grid.vectors.max(np.abs(z - (1.0 - t) * z[..., :1] - t * z[..., -1:]))
 
 
 def _is_farthest_in_the_middle(grid: Grid, z: Array, axis: int) -> bool:
-    """Whether the mean gap along an axis is nearly a parabola that is high in the middle."""
+    """Whether the mean gap along an axis is nearly a parabola with its maximum in the middle."""
     lines = grid.lines(z, axis)
     own = lines.reshape(-1, lines.shape[-1]).sum(axis=0)
     profile = np.sum(grid.vectors.gather(own), axis=0)
@@ -285,7 +285,7 @@ def _is_farthest_in_the_middle(grid: Grid, z: Array, axis: int) -> bool:
 
 
 def _check_coupling(grid: Grid) -> Iterator[str]:
-    """Yield a doubt where the pressures would change with the tangential tractions."""
+    """Yield a warning if the pressures depend on the tangential tractions (unlike materials)."""
     K = grid.material.difference
     if abs(K) > UNCOUPLED:
         yield (

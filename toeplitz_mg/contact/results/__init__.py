@@ -1,4 +1,4 @@
-"""What contact problems have for answers, and the error where they have none."""
+"""Results of contact problems, and the error raised if none is found."""
 
 from toeplitz_mg.contact.results.both import Before, FrictionalResult
 from toeplitz_mg.contact.results.errors import ContactError, ContactResult, check_converged

@@ -1,4 +1,4 @@
-"""What all results are: arrays that cannot be written to, and figures with their units in words."""
+"""Base classes of all results: read-only arrays, and summaries of figures with their units."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import MISSING, fields
@@ -13,12 +13,12 @@ from toeplitz_mg.contact.results import consistency, files, pictures
 from toeplitz_mg.contact.results.consistency import Rule
 from toeplitz_mg.contact.results.quantities import name_units, quantities
 
-NOTHING = 1e-8  # Size of a component over the largest that is shown as zero: the usual tolerance.
-FEW = 3  # Figures in the repr of a result, which is one line.
+NOTHING = 1e-8  # A component is shown as zero if it is this much smaller than the largest one.
+FEW = 3  # Number of figures in the one-line repr of a result.
 
 
 class Figure(NamedTuple):
-    """A number, or some, with a name and a unit, and the field or property that it is of."""
+    """One or more numbers with a name, a unit, and the field or property they belong to."""
 
     name: str
     value: Any
@@ -38,7 +38,7 @@ class Figure(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """What a result is in words: a title, its figures, what they cost, and doubts about them."""
+    """A text summary of a result: a title, its figures, its cost, and its warnings."""
 
     title: str
     figures: Sequence[Figure]
@@ -47,13 +47,13 @@ class Summary(NamedTuple):
 
     @property
     def rows(self) -> list[tuple[str, str]]:
-        """What stands below the title: names and what belongs to them."""
+        """The rows below the title: names and values."""
         rows = [(figure.name, figure.text) for figure in self.figures]
         rows += [("solved by", self.cost)] * bool(self.cost)
         return rows + [("warning", warning) for warning in self.warnings]
 
     def write(self) -> str:
-        """Return a line for each row, below the title."""
+        """Return one line for each row below the title."""
         lines = (
             f"  {name}: {text}" if name == "warning" else f"  {name:18s}{text}"
             for name, text in self.rows
@@ -61,7 +61,7 @@ class Summary(NamedTuple):
         return "\n".join((self.title, *lines))
 
     def tabulate(self) -> str:
-        """Return the same as a table of HTML."""
+        """Return the same as an HTML table."""
         cells = "".join(
             f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in self.rows
         )
@@ -69,7 +69,7 @@ class Summary(NamedTuple):
 
 
 def list_figures(result: Any, *names: str | Figure) -> list[Figure]:
-    """Return the figures of a result that it has: fields by their names, and others as they are."""
+    """Return the figures that a result has; a string names a field of the result."""
     units, declared = name_units(result), quantities(type(result))
     figures = [
         Figure(declared[name].label or name, getattr(result, name), units.get(name, ""), name)
@@ -81,20 +81,20 @@ def list_figures(result: Any, *names: str | Figure) -> list[Figure]:
 
 
 def span(figure: Figure) -> Figure:
-    """Return what the first and the last value of a figure are."""
+    """Return a figure with the first and the last value."""
     name, values, unit, _ = figure
     first, last = (Figure(name, value).text for value in (values[0], values[-1]))
     return Figure(name, f"{first} to {last} {unit}".rstrip())
 
 
 def describe_cost(products: int, residual: float | None = None) -> str:
-    """Return what a solution cost, and how exact it is, in words."""
+    """Return the cost of a solution and its residual as text."""
     violation = "" if residual is None else f", violation {residual:.1e}"
     return f"{products} product{'s' * (products != 1)}{violation}"
 
 
 def touches_edge(grid: Any, contact: Mask) -> bool:
-    """Whether elements in contact are at an edge of the grid, along an axis of more than one."""
+    """Whether elements in contact lie at an edge of the grid, along axes of several elements."""
     return any(
         n > 1
         and not grid.periodic[axis]
@@ -104,13 +104,13 @@ def touches_edge(grid: Any, contact: Mask) -> bool:
 
 
 class Described:
-    """What has a `_summary`: it is written a line for each figure, and in notebooks as a table."""
+    """A class with a `_summary`, printed as lines of text and, in notebooks, as a table."""
 
     def _summaries(self: Any) -> Iterable[Summary]:
         return (self._summary(),)
 
     def summary(self) -> str:
-        """Return the figures with their units, a line each."""
+        """Return the figures with their units, one per line."""
         return "\n\n".join(summary.write() for summary in self._summaries())
 
     def _repr_html_(self) -> str:
@@ -118,25 +118,25 @@ class Described:
 
 
 class Protected:
-    """A dataclass whose arrays cannot be written to, neither those of its copies."""
+    """A dataclass with read-only arrays, in its copies too."""
 
     def __post_init__(self) -> None:
-        """Check the fields, and put views that cannot be written to in the place of arrays."""
+        """Check the fields, and replace the arrays by read-only views."""
         consistency.check(self)
         self._protect()
 
     def _protect(self) -> None:
-        own = vars(self)  # What is computed on demand is not asked for here.
+        own = vars(self)  # Values computed on demand are not computed here.
         for name, value in own.items():
             own[name] = tuple(map(_protect, value)) if type(value) is tuple else _protect(value)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Read what was pickled, or copied: arrays can be written to then, until protected."""
+        """Restore a pickled or copied object; its arrays are writable until they are protected."""
         vars(self).update(state)
         self._protect()
 
     def _rules(self) -> Iterable[Rule]:
-        """Return what fields must be, as others say."""
+        """Return the rules that the fields must satisfy."""
         return ()
 
 
@@ -144,9 +144,9 @@ Made = TypeVar("Made", bound=Protected)
 
 
 def make(kind: type[Made], **values: Any) -> Made:
-    """Return a result of a solver, who computes its numbers from its fields: they are not checked.
+    """Return a result without checking its fields, which a solver has computed consistently.
 
-    By the class itself they are, as those of `dataclasses.replace` and of files.
+    The class itself checks them, for `dataclasses.replace` and for files.
     """
     result = object.__new__(kind)
     declared = fields(cast("Any", kind))
@@ -157,17 +157,17 @@ def make(kind: type[Made], **values: Any) -> Made:
 
 
 def remake(result: Made, **values: Any) -> Made:
-    """Return a copy of a result of a solver; what is computed on demand is not asked for."""
+    """Return a modified copy of a solver's result, without computing values on demand."""
     return make(type(result), **(vars(result) | values))
 
 
 class Result(Described, Protected):
-    """What can be saved, and has figures."""
+    """A result that can be saved and summarised."""
 
     save = files.save
 
     def _complete(self, needs_fields: str = "") -> None:
-        """Compute the points of a curve that are left, for what may need their fields."""
+        """Compute the remaining points of a curve, for a method that may need their fields."""
 
 
 class GridResult(Result):
@@ -175,11 +175,11 @@ class GridResult(Result):
 
     @property
     def _sizes(self: Any) -> dict[str, tuple[int, ...]]:
-        """The numbers of elements; on several ranks those of the rows of one."""
+        """The shape of the grid; with several ranks, the shape of the rows of one rank."""
         return {"grid": self.contact.shape}
 
     def _rules(self: Any) -> Iterator[Rule]:
-        """Yield what follows from the fields of any contact."""
+        """Yield the rules for the fields of any contact."""
         C, h, axes = self.contact, self.element, len(self.shape)
         few = len(self.centres) == axes <= len(h)  # Strips of finite length have one axis.
         yield Rule("shape", few, "of as many axes as centres, and no more than element")
@@ -208,33 +208,33 @@ class GridResult(Result):
 
     @property
     def x(self: Any) -> Array:
-        """The centres of the elements along the first axis, mm."""
+        """The x coordinates of the element centres, mm."""
         centres: Array = self.centres[0]
         return centres
 
     @property
     def y(self: Any) -> Array | None:
-        """The centres of the elements along the second axis, mm; None in line contact."""
+        """The y coordinates of the element centres, mm; None in line contact."""
         return self.centres[1] if len(self.centres) > 1 else None
 
     @property
     def contact_fraction(self: Any) -> float:
-        """The area of contact over that of the grid."""
+        """The area of contact divided by the area of the grid."""
         share: float = self.area / (prod(self.shape) * prod(self.element))
         return share
 
     to_xarray, to_vtk = files.to_xarray, files.to_vtk
 
     def plot(self, field: str | None = None, ax: Any = None) -> Any:
-        """Draw the pressures, or the tractions where the bodies stick and slip, or another field.
+        """Plot the pressures, the areas of stick and slip with the tractions, or another field.
 
         Parameters
         ----------
         field : str, optional
-            "pressure", "gap" or "displacement", and "plastic" where a hardness was given; of
-            friction and rolling "traction", "slip" or "displacement"; by default the first.
+            "pressure", "gap" or "displacement", and with a hardness "plastic". For friction and
+            rolling: "traction", "slip" or "displacement". By default the first.
         ax : matplotlib.axes.Axes, optional
-            Where to draw, as beside other results; by default on a new figure.
+            Axes to draw in; by default those of a new figure.
 
         Returns
         -------
@@ -243,7 +243,7 @@ class GridResult(Result):
         Raises
         ------
         ValueError
-            Where there is no such field.
+            If the result has no such field.
         """
         return pictures.draw(self, field, ax)
 
@@ -261,7 +261,7 @@ class GridResult(Result):
 
 
 def _protect(x: Any) -> Any:
-    """Return a view of an array that cannot be written to, or what is no array as it is."""
+    """Return a read-only view of an array; return any other value unchanged."""
     if isinstance(x, np.ndarray):
         x = x.view()
         x.flags.writeable = False

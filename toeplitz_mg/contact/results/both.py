@@ -1,4 +1,4 @@
-"""What contact with friction of unlike materials has for an answer."""
+"""Results of frictional contact of unlike materials."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from toeplitz_mg.contact.results.tangential import TangentialResult
 @files.loadable
 @dataclass(frozen=True, eq=False)
 class Before(Protected):
-    """Tractions before a step, with the force and the approach that pressed."""
+    """Tractions before a step, with the force and the approach at that time."""
 
     traction: Annotated[Array, Quantity("N/mm²", "1, grid | 2, grid")]
     force: Annotated[float, Quantity("force")]
@@ -30,31 +30,31 @@ class Before(Protected):
 @files.loadable
 @dataclass(frozen=True, eq=False, repr=False)
 class FrictionalResult(Result):
-    """Bodies that are pressed together with friction: what holds across, and what along.
+    """Normal and tangential contact solved together, for bodies of unlike materials.
 
     Attributes
     ----------
     normal : NormalResult
-        Pressures, contact, approach; the displacement is that by tractions too. Where the materials
-        are unlike, the tractions change with the approach, so that the stiffness is no solution
-        with the elements in contact alone: it is None.
+        Pressures, contact and approach. Its displacement includes the effect of the tractions. If
+        the materials are unlike, its stiffness is None: the tractions change with the approach, so
+        the stiffness does not follow from the elements in contact.
     tangential : TangentialResult
-        Tractions, slip, stick; the displacement is that by pressures too.
+        Tractions, slip and stick. Its displacement includes the effect of the pressures.
     energy : float
-        The elastic energy of both bodies, N mm; in plane strain N. The `energy` of each part is
-        the work of its tractions, which may be negative.
+        The elastic energy of both bodies, N mm; in plane strain N. The `energy` of `normal` or
+        `tangential` is the work of its own tractions, which may be negative.
     products : int
-        The products with a matrix that both parts took.
+        Matrix-vector products of both problems together.
     residuals : tuple of float
-        The largest violation of the conditions of normal contact, over the largest interference,
-        in each iteration between the two problems.
+        The largest violation of the conditions of normal contact, relative to the largest
+        interference, for each iteration between the two problems.
     before : Before or None
         The state before this step; None in rolling.
 
     See Also
     --------
-    NormalResult : without friction.
-    TangentialResult : of bodies that were pressed before.
+    NormalResult : the result of normal contact without friction.
+    TangentialResult : the result of friction and rolling with given pressures.
     """
 
     normal: NormalResult
@@ -77,12 +77,12 @@ class FrictionalResult(Result):
 
     @property
     def residual(self) -> float:
-        """The violation that is left."""
+        """The last entry of `residuals`."""
         return self.residuals[-1]
 
     @property
     def products(self) -> int:
-        """The products with a matrix that both parts took."""
+        """Matrix-vector products of both problems together."""
         return self.normal.products + self.tangential.products
 
     @property
@@ -92,20 +92,21 @@ class FrictionalResult(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Why the answer may not be of the problem that was meant."""
+        """Reasons to doubt that the input is what was meant."""
         return self.normal.warnings + self.tangential.warnings
 
     to_xarray, to_vtk = files.to_xarray, files.to_vtk
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the pressures, and beside them where the bodies stick and where they slip.
+        """Plot the pressures, and beside them the areas of stick and slip.
 
-        `normal` and `tangential` have each a `plot` for their other fields.
+        `normal.plot` and `tangential.plot` draw the other fields.
 
         Parameters
         ----------
         ax : pair of matplotlib.axes.Axes, optional
-            Where to draw, as ``plt.subplots(1, 2)`` returns them; by default on a new figure.
+            Axes to draw in, as returned by ``plt.subplots(1, 2)``; by default those of a new
+            figure.
 
         Returns
         -------
@@ -119,7 +120,7 @@ class FrictionalResult(Result):
         return f"<FrictionalResult: {self.normal!r}, {self.tangential!r}>"
 
     def _summaries(self) -> Iterator[Summary]:
-        """Yield those of both parts, and of what they have together only."""
+        """Yield the summaries of both results, and one of what they share."""
         for part in (self.normal, self.tangential):
             summary = part._summary()
             yield summary._replace(figures=[x for x in summary.figures if x.name != ENERGY])

@@ -1,7 +1,7 @@
-"""That a result does not contradict itself, whoever made it: a solver, a file or `replace`.
+"""Checks that the fields of a result are consistent, whether it comes from a solver or a file.
 
-A class of results says by `_sizes` how many numbers its axes have, and by `_rules` what follows
-from its fields.
+A class of results lists the sizes of its axes in `_sizes`, and in `_rules` the conditions that its
+fields must satisfy.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,8 +16,8 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results.quantities import Quantity, is_whole, quantities
 
-ROUNDING = 1e-6  # Relative error of the places and of the sums in a result.
-LONGEST = 50  # Characters of a value in an error.
+ROUNDING = 1e-6  # Relative error allowed in coordinates and sums.
+LONGEST = 50  # Longest text of a value in an error message, characters.
 DTYPES = {"f": np.dtype(np.float64), "b": np.dtype(np.bool_), "i": np.dtype(np.int64)}
 UNIONS = (Union, UnionType)
 CLASSES = {float: Real, int: Integral, bool: (bool, np.bool_), Array: np.ndarray}
@@ -26,7 +26,7 @@ NAMES |= {str: "a text"}
 
 
 class Rule(NamedTuple):
-    """What a field must be, as the other fields of a result say, and whether it is."""
+    """A condition on one field that depends on other fields, and whether it holds."""
 
     field: str
     holds: bool
@@ -34,19 +34,19 @@ class Rule(NamedTuple):
 
     @classmethod
     def of_sum(cls, field: str, value: Any, exact: Any, size: Any, text: str) -> "Rule":
-        """Return that a number, or some, are a sum of terms whose sizes add up to `size`."""
+        """Return the rule that numbers are a sum of terms whose magnitudes sum to `size`."""
         fits = np.shape(value) == np.shape(exact)
         error = np.max(np.abs(np.subtract(value, exact))) if fits else np.inf
         return cls(field, bool(error <= ROUNDING * np.max(size)), f"{text}, {exact}")
 
 
 def check(result: Any) -> None:
-    """Refuse fields of another type or shape, and what does not follow from the fields."""
+    """Raise an error if fields have a wrong type or shape, or contradict each other."""
     kind, own = type(result), vars(result)
     check_values(kind, own)
     sizes = result._sizes
     whole = "shape" not in own or is_whole(result)
-    if not whole:  # They are the rows that one rank has.
+    if not whole:  # The fields have the rows of one rank only.
         (rows, *others), (n, *more) = own["contact"].shape, own["shape"] or (0,)
         if rows > n or others != more:
             raise ValueError(f"contact has shape {(rows, *others)}, but must have {own['shape']}")
@@ -63,7 +63,7 @@ def check(result: Any) -> None:
 
 
 def check_values(kind: type, values: Mapping[str, Any]) -> None:
-    """Refuse values that are not of the types that the fields of a class of results have."""
+    """Raise an error if values do not have the types of the fields of a class of results."""
     types = find_types(kind)
     for name, value in values.items():
         if name not in types:
@@ -81,7 +81,7 @@ def check_array(
     quantity: Quantity,
     sizes: Mapping[str, tuple[int, ...]],
 ) -> None:
-    """Refuse the shape or the type of an array that are not those of a quantity."""
+    """Raise an error if the shape or dtype of an array is not that of its quantity."""
     allowed = quantity.shapes(sizes)
     if shape not in allowed:
         raise ValueError(
@@ -92,7 +92,7 @@ def check_array(
 
 
 def check_numbers(name: str, value: Any, quantity: Quantity) -> None:
-    """Refuse infinity and what is no number, where they are none of the values of a quantity."""
+    """Raise an error for infinity or NaN, unless the quantity may have such values."""
     values = np.asarray(value)
     bad = {"": ~np.isfinite(values), "nan": np.isinf(values)}.get(quantity.beyond)
     if bad is None:
@@ -102,7 +102,7 @@ def check_numbers(name: str, value: Any, quantity: Quantity) -> None:
 
 
 def check_centres(centres: Sequence[Array], element: Sequence[float]) -> Iterator[Rule]:
-    """Yield that elements have a positive size, and lie about zero, that far apart."""
+    """Yield the rules: element sizes are positive, centres are equally spaced about 0."""
     yield Rule("element", all(h > 0.0 for h in element), "positive")
     for axis, x, h in zip("xy", centres, element, strict=False):
         exact = h * (np.arange(len(x)) - (len(x) - 1) / 2.0)
@@ -112,11 +112,11 @@ def check_centres(centres: Sequence[Array], element: Sequence[float]) -> Iterato
 
 @lru_cache
 def find_types(kind: type) -> dict[str, Any]:
-    """Return the types that the values of fields of a class of results have."""
+    """Return the types of the fields of a class of results."""
     found = {}
     for field in fields(kind):
         bare = get_args(field.type)[0] if get_origin(field.type) is Annotated else field.type
-        if bare is Any:  # In line contact it is a number.
+        if bare is Any:  # A plain number in line contact.
             bare = Array | float | None if field.default is None else Array | float
         elif isinstance(bare, type) and hasattr(bare, "__get__"):
             bare = float | Callable | None
@@ -125,7 +125,7 @@ def find_types(kind: type) -> dict[str, Any]:
 
 
 def _is_of(value: Any, wanted: Any) -> bool:
-    """Whether a value is of a type; an integer is a real number, but no truth value is."""
+    """Whether a value is of a type; an integer counts as a real number, a bool does not."""
     origin, of = get_origin(wanted), get_args(wanted)
     if origin is tuple:
         return type(value) is tuple and all(_is_of(x, of[0]) for x in value)
@@ -136,7 +136,7 @@ def _is_of(value: Any, wanted: Any) -> bool:
 
 
 def _say(wanted: Any) -> str:
-    """Return in words what a type is."""
+    """Return the name of a type for an error message."""
     origin, of = get_origin(wanted), get_args(wanted)
     if origin is tuple:
         return f"a tuple, each {_say(of[0])}"

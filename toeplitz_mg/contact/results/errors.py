@@ -1,16 +1,16 @@
-"""The error of contact problems without an answer."""
+"""The error raised if a contact problem is not solved."""
 
 from typing import Any, TypeVar
 
 from toeplitz_mg.contact.results.normal import NormalResult
 from toeplitz_mg.contact.results.tangential import TangentialResult
 
-ContactResult = NormalResult | TangentialResult  # Of any contact problem.
+ContactResult = NormalResult | TangentialResult  # Of one contact problem.
 Result = TypeVar("Result", NormalResult, TangentialResult)
 
 
 class ContactError(RuntimeError):
-    """The areas of contact, stick or slip were not found to the tolerance.
+    """The iteration did not converge: the areas of contact, stick or slip were not found.
 
     Attributes
     ----------
@@ -19,7 +19,7 @@ class ContactError(RuntimeError):
 
     See Also
     --------
-    ContactWarning : doubt of an answer that was found.
+    ContactWarning : warns of input that may not be what was meant.
     """
 
     def __init__(self, message: str, result: ContactResult) -> None:
@@ -27,14 +27,14 @@ class ContactError(RuntimeError):
         self.result = result
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how it is made anew, as where another process has raised it."""
+        """Support pickling, by which errors reach other processes."""
         return type(self), (*self.args, self.result)
 
 
 def check_converged(result: Result, tolerance: float, reached: str = "") -> Result:
-    """Return the result, or raise ContactError where it violates the conditions of contact.
+    """Return the result, or raise ContactError if it violates the conditions of contact.
 
-    What has been `reached` of what was given ends the message.
+    The message ends with `reached`, which says how much of the given load was reached.
     """
     if result.residual <= tolerance:
         return result

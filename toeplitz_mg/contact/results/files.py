@@ -1,8 +1,8 @@
-"""Results in files, and in the containers of other libraries.
+"""Results in files, and conversion to the containers of other libraries.
 
-A result is an ``.npz`` file of its arrays by their names, which `numpy.load` reads too, and of a
-text in JSON, `about`: what kind of result it is, its numbers, and the units of all. Of a result
-with parts, as `FrictionalResult`, the name of the part comes before that of its array, as in
+A result is saved as an ``.npz`` file, which `numpy.load` reads too. It holds the arrays by their
+names, and a JSON text, `about`, with the kind of result, its numbers and all units. If a result has
+parts, as a `FrictionalResult` does, the name of the part precedes that of the array, as in
 `normal_pressure`. `save`, `to_xarray` and `to_vtk` are methods of results.
 """
 
@@ -45,44 +45,44 @@ from toeplitz_mg.contact.results.quantities import (
 from toeplitz_mg.halfspace import CombinedMaterial, Material
 from toeplitz_mg.whole_files import check_folder, find_status, new_whole
 
-FORMAT = "toeplitz_mg contact result"  # What a file of ours says that it is.
-LONGEST = 2**24  # Most bytes of the text in a file, and of arrays compressed by any factor.
-MOST_COMPRESSED = 100  # Times that longer arrays may be compressed: fields are numbers, not zeros.
-AXES = {"points": "stick_share", "depths": "depths"}  # Arrays that say the sizes of axes.
+FORMAT = "toeplitz_mg contact result"  # Identifies a file written by `save`.
+LONGEST = 2**24  # Largest size in bytes of the JSON text, and of arrays of any compression ratio.
+MOST_COMPRESSED = 100  # Largest compression ratio of longer arrays: fields are not all zeros.
+AXES = {"points": "stick_share", "depths": "depths"}  # Arrays whose lengths are sizes of axes.
 HEADERS = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}
-TYPES = {"b": "UInt8", "f": "Float64", "i": "Int64"}  # Those of VTK, by the kind of a dtype.
+TYPES = {"b": "UInt8", "f": "Float64", "i": "Int64"}  # Names of the types in VTK, by dtype kind.
 
 Kind = TypeVar("Kind")
-KINDS: dict[str, type] = {}  # What a file may have, and a result in a file for a part.
-Arrays = Iterable[tuple[str, Array]]  # Names and fields, whose first axis is that of components.
+KINDS: dict[str, type] = {}  # Classes that a file, or a part of a result in a file, may have.
+Arrays = Iterable[tuple[str, Array]]  # Names and fields; vectors have the component axis first.
 
 
 def loadable(kind: type[Kind]) -> type[Kind]:
-    """Let files have this class of results: a decorator."""
+    """Register a class of results for `save` and `load`: a decorator."""
     KINDS[kind.__name__] = kind
     return kind
 
 
 def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write everything to an ``.npz`` file, with units, whole or not at all.
+    """Write the whole result with its units to an ``.npz`` file.
 
     Parameters
     ----------
     path : str or path
         Must end in ``.npz``.
     overwrite : bool
-        Whether a file that is there already may be replaced.
+        Whether to replace an existing file. A write that fails leaves no partial file.
 
     Raises
     ------
     FileExistsError
-        Where there is a file and `overwrite` is false: it is left as it is.
+        If the file exists and `overwrite` is false; it is left unchanged.
     OSError, ValueError
-        Where the file cannot be written, or its name does not end in ``.npz``.
+        If the file cannot be written, or its name does not end in ``.npz``.
 
     See Also
     --------
-    load : reads it; `numpy.load` finds the arrays by their names, and a text in JSON, `about`.
+    load : reads the file.
     """
     result._complete("save()")
     arrays, about = _describe(result)
@@ -93,7 +93,7 @@ def save(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) 
 
 
 def load(path: str | os.PathLike[str]) -> Any:
-    """Read a result that `save` has written.
+    """Read a result written by its `save` method.
 
     Parameters
     ----------
@@ -102,18 +102,18 @@ def load(path: str | os.PathLike[str]) -> Any:
     Returns
     -------
     NormalResult, TangentialResult, FrictionalResult, Stresses, CreepCurve, LoadCurve, RollingSteps
-        What was saved.
+        The saved result.
 
     Raises
     ------
     OSError
-        Where there is no such file.
+        If there is no such file.
     ValueError
-        Where it is another file than of `save`.
+        If the file was not written by `save`.
 
     See Also
     --------
-    NormalResult : its `save` writes such a file, as that of the other results does.
+    NormalResult : `save` is a method of this and all other results.
 
     Examples
     --------
@@ -140,13 +140,13 @@ def load(path: str | os.PathLike[str]) -> Any:
                 return _compose(arrays, _read_about(arrays))
     except OSError:
         raise
-    except Exception as error:  # NumPy, zip files and JSON raise many.
-        said = "" if "pickle" in str(error) else f": {error}"  # NumPy advises to unpickle anything.
+    except Exception as error:  # NumPy, zipfile and json raise many kinds.
+        said = "" if "pickle" in str(error) else f": {error}"  # NumPy advises to unpickle.
         raise ValueError(f"{path} is not a file of a contact result{said}") from error
 
 
 def _read_about(arrays: "_Arrays") -> dict[str, Any]:
-    """Return the text of a file, which says what it has."""
+    """Return the content of the JSON text of a file."""
     wanted = f"but must be {FORMAT!r}, as `save` writes it"
     if "about" not in arrays:
         raise ValueError(f"it names no format, {wanted}")
@@ -164,46 +164,46 @@ def _read_about(arrays: "_Arrays") -> dict[str, Any]:
 
 
 def _read_integer(text: str) -> float:
-    """Return an integer, or of one that is too long for NumPy's a real number, as any may be."""
+    """Return an integer; as a float if it is too long for NumPy's integers."""
     return int(text) if len(text) < 19 else float(text)
 
 
 class _Arrays:
-    """The arrays of a file, of which only what is asked for is read, and of the right shape.
+    """The arrays of a file, which are checked and read one by one on request.
 
     Parameters
     ----------
     file : ZipFile
     prefix : str
-        What the names of those of a part begin with.
+        What the array names of a part start with.
     """
 
     def __init__(self, file: ZipFile, prefix: str = "") -> None:
         self._file, self._prefix = file, prefix
 
     def of_part(self, name: str) -> "_Arrays":
-        """Return the arrays of a part of a result."""
+        """Return the arrays of a part of the result."""
         return _Arrays(self._file, f"{self._prefix}{name}_")
 
     def __contains__(self, name: str) -> bool:
         return f"{self._prefix}{name}.npy" in self._file.namelist()
 
     def length(self, name: str) -> tuple[int, ...]:
-        """Return the shape of an array on one axis, without reading that."""
+        """Return the shape of a 1D array without reading its data."""
         shape = self.header(name)[0]
         if len(shape) != 1 or not shape[0]:
             raise ValueError(f"{name} has shape {shape}, but must have one axis")
         return shape
 
     def read(self, name: str, quantity: Quantity, sizes: Mapping[str, tuple[int, ...]]) -> Array:
-        """Return an array, whose shape and numbers are those of a quantity."""
+        """Return an array after checking its shape and values against its quantity."""
         check_array(name, *self.header(name), quantity, sizes)
         array = self.take(name)
         check_numbers(name, array, quantity)
         return array.astype(array.dtype.newbyteorder("="), copy=False)
 
     def take(self, name: str) -> Array:
-        """Return an array, where its file has as many bytes as that needs."""
+        """Return an array, if its size in the file matches its header."""
         shape, dtype = self.header(name)
         member = self._find(name)
         if member.file_size > max(LONGEST, MOST_COMPRESSED * member.compress_size):
@@ -216,12 +216,12 @@ class _Arrays:
             size = opened.tell() + dtype.itemsize * prod(shape)
             if member.file_size != size:
                 raise ValueError(f"{name} has {member.file_size} bytes, but must have {size}")
-        with self._file.open(member) as opened:  # Anew: after a seek its checksum is not checked.
+        with self._file.open(member) as opened:  # Anew: a seek disables the checksum.
             array: Array = read_array(opened, allow_pickle=False)
         return array
 
     def header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
-        """Return the shape and the type of an array, without reading that."""
+        """Return the shape and the dtype of an array without reading its data."""
         with self._file.open(self._find(name)) as opened:
             try:
                 shape, _, dtype = HEADERS[read_magic(opened)](opened)
@@ -230,7 +230,7 @@ class _Arrays:
         return shape, dtype
 
     def _find(self, name: str) -> ZipInfo:
-        """Return what is known of an array, which is there once."""
+        """Return the zip entry of an array, which must occur exactly once."""
         path = f"{self._prefix}{name}.npy"
         found = [one for one in self._file.infolist() if one.filename == path]
         if len(found) != 1:
@@ -239,7 +239,7 @@ class _Arrays:
 
 
 def _describe(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return the arrays of a result, or of a part of one, and in words and numbers the rest."""
+    """Return the arrays of a result or part, and a dictionary for JSON with everything else."""
     arrays, values = _split_fields(result)
     about: dict[str, Any] = {"kind": type(result).__name__, "values": values, "parts": {}}
     if "material" in vars(result):
@@ -257,7 +257,7 @@ def _compose(
     about: Mapping[str, Any],
     sizes: Mapping[str, tuple[int, ...]] | None = None,
 ) -> Any:
-    """Return what `_describe` has described, checked against the sizes of the grid."""
+    """Return the result that `_describe` has described, after checking it against the grid."""
     name = about.get("kind")
     if not isinstance(name, str) or name not in KINDS:
         raise ValueError(f"its kind is {name!r}, but must be one of {', '.join(KINDS)}")
@@ -300,7 +300,7 @@ def _compose(
 
 
 def _take(about: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return what the text of a file says under a name."""
+    """Return the entry of the JSON text under a name."""
     found = about.get(name)
     if not isinstance(found, dict):
         raise ValueError(f"its {name} is {found!r:.50}, but must be an object of JSON")
@@ -310,7 +310,7 @@ def _take(about: Mapping[str, Any], name: str) -> dict[str, Any]:
 def _find_sizes(
     kind: type, arrays: _Arrays, given: Mapping[str, Any]
 ) -> dict[str, tuple[int, ...]]:
-    """Return the sizes of the axes that fields of a result or of a part have."""
+    """Return the sizes of the axes that the fields of a result or part may have."""
     types = find_types(kind)
     sizes = {name: arrays.length(of) for name, of in AXES.items() if of in types}
     if "shape" in types:
@@ -323,7 +323,7 @@ def _find_sizes(
 
 
 def import_extra(name: str, method: str) -> Any:
-    """Return xarray or pandas, extras that are slow to import, or say how to install them."""
+    """Return xarray or pandas, which are optional and slow to import, or raise ImportError."""
     try:
         return import_module(name)
     except ImportError as error:
@@ -331,7 +331,7 @@ def import_extra(name: str, method: str) -> Any:
 
 
 def _parts(result: Any) -> dict[str, Any]:
-    """Return the parts of a result that have fields of their own; of a curve its results."""
+    """Return the parts of a result that have fields of their own; for a curve, its results."""
     own = {field.name: vars(result)[field.name] for field in fields(result)}
     own |= {f"result_{k}": part for k, part in enumerate(own.get("results", ()))}
     return {k: value for k, value in own.items() if k != "material" and is_dataclass(value)}
@@ -343,7 +343,7 @@ def _list_parts(result: Any) -> dict[str, Any]:
 
 
 def _split_fields(result: Any) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return the arrays of a result by their names, and its other values but its parts."""
+    """Return the arrays of a result by name, and its other values except its parts."""
     if "shape" in vars(result):
         require_whole(result)
     arrays: dict[str, Array] = dict(zip("xy", vars(result).get("centres", ()), strict=False))
@@ -366,7 +366,7 @@ def to_xarray(result: Any) -> Any:
     Returns
     -------
     xarray.Dataset
-        Numbers that are no fields are in its `attrs`.
+        Scalars are stored in its `attrs`.
     """
     xarray = import_extra("xarray", "to_xarray")
     if parts := {name: to_xarray(part) for name, part in _list_parts(result).items()}:
@@ -388,7 +388,7 @@ def to_xarray(result: Any) -> Any:
 
 
 def _list_constants(material: CombinedMaterial) -> dict[str, Any]:
-    """Return the combined constants by their names, and those of the bodies, as `G_1`."""
+    """Return the combined constants by name, and those of the bodies, as in `G_1`."""
     constants = asdict(material)
     for k, body in enumerate(constants.pop("bodies") or (), 1):
         constants |= {f"{name}_{k}": value for name, value in body.items()}
@@ -396,7 +396,7 @@ def _list_constants(material: CombinedMaterial) -> dict[str, Any]:
 
 
 def _keep_in_netcdf(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values as netCDF can keep them, without those that it cannot."""
+    """Return the values in a form that netCDF can store; others are omitted."""
     kept: dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, bool):
@@ -409,7 +409,7 @@ def _keep_in_netcdf(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _read_material(values: Mapping[str, Any]) -> CombinedMaterial:
-    """Return the combined constants, with the bodies where the file has them."""
+    """Return the combined constants, and the bodies if the file has them."""
     wanted = [field.name for field in fields(CombinedMaterial)]
     if sorted(values) != sorted(wanted):
         raise ValueError(f"its material has {', '.join(values)}, but must have {', '.join(wanted)}")
@@ -427,13 +427,13 @@ def _read_material(values: Mapping[str, Any]) -> CombinedMaterial:
 
 
 def _thaw(value: Any) -> Any:
-    """Return a tuple for a list of JSON."""
+    """Convert the lists of JSON to tuples."""
     return tuple(map(_thaw, value)) if isinstance(value, list) else value
 
 
 @contextmanager
 def new_file(path: str | os.PathLike[str], ending: str, *, overwrite: bool) -> Iterator[BinaryIO]:
-    """Open a file that is there when it is whole, in the place of none unless that is wanted."""
+    """Open a file that appears under its name only when complete; see `save` for `overwrite`."""
     path = Path(path)
     if path.suffix != ending:
         raise ValueError(f"path is {path}, but must end in {ending}")
@@ -447,24 +447,24 @@ def new_file(path: str | os.PathLike[str], ending: str, *, overwrite: bool) -> I
     try:
         with new_whole(path, replaces=overwrite) as file:
             yield file
-    except FileExistsError:  # It has come in the meantime.
+    except FileExistsError:  # Created by someone else in the meantime.
         raise there from None
 
 
 def to_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write the fields as an image of VTK, which ParaView and PyVista read.
+    """Write the fields as a VTK image (``.vti``) for ParaView or PyVista.
 
     Parameters
     ----------
     path : str or path
         Must end in ``.vti``.
     overwrite : bool
-        Whether a file that is there already may be replaced.
+        Whether to replace an existing file.
 
     Raises
     ------
     FileExistsError, OSError, ValueError
-        As `save`.
+        As for `save`.
     """
     parts = _list_parts(result)
     fields = {f"{k}_{name}": x for k, p in parts.items() for name, x in fields_on_grid(p).items()}
@@ -484,19 +484,19 @@ def to_vtk(result: Any, path: str | os.PathLike[str], *, overwrite: bool = False
 def stresses_to_vtk(
     stresses: Any, path: str | os.PathLike[str], *, overwrite: bool = False
 ) -> None:
-    """Write the stresses as a grid of VTK, which ParaView and PyVista read, z being the depth.
+    """Write the stresses as a VTK grid (``.vtr``) for ParaView or PyVista; z is the depth.
 
     Parameters
     ----------
     path : str or path
         Must end in ``.vtr``.
     overwrite : bool
-        Whether a file that is there already may be replaced.
+        Whether to replace an existing file.
 
     Raises
     ------
     FileExistsError, OSError, ValueError
-        As `save`; also where depths are not in order.
+        As for `save`; also if the depths are not in increasing order.
     """
     if not (np.diff(stresses.depths) > 0.0).all():
         raise ValueError(
@@ -516,7 +516,7 @@ def stresses_to_vtk(
 def _make_vtk(
     kind: str, extent: str, place: dict[str, str], of: str, arrays: Arrays
 ) -> tuple[ElementTree.Element, ElementTree.Element]:
-    """Return a file, and its piece, with these arrays of its points or cells."""
+    """Return an XML tree, and its piece, with these arrays of point or cell data."""
     about = {"type": kind, "version": "1.0", "byte_order": "LittleEndian"}
     root = ElementTree.Element("VTKFile", about, header_type="UInt64")
     whole = ElementTree.SubElement(root, kind, place, WholeExtent=extent)
@@ -535,12 +535,12 @@ def _write_vtk(
 
 
 def _complete(x: Array) -> Array:
-    """Return vectors of three components."""
+    """Return vectors with three components."""
     return np.concatenate([x, np.zeros((3 - len(x), *x.shape[1:]))])
 
 
 def _encode_for_vtk(name: str, x: Array) -> ElementTree.Element:
-    """Return a field as VTK has it: components first, then the first axis running first."""
+    """Return a field in VTK's layout: components first, then the first axis varying fastest."""
     element = ElementTree.Element("DataArray", Name=name, type=TYPES[x.dtype.kind])
     element.set("format", "binary")
     if len(x) > 1:

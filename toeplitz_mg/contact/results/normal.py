@@ -1,4 +1,4 @@
-"""What bodies that are pressed together have for an answer."""
+"""Results of normal contact."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from toeplitz_mg.values import positive
 
 
 class Slope(float):
-    """A number that belongs to the pressures of a result, which a copy with others has not."""
+    """A stiffness that is valid for the pressures of one result only."""
 
     of: tuple[Any, ...]
 
 
 class OnDemand:
-    """A number of a dataclass, or a function that computes it when it is first asked for."""
+    """A number of a dataclass, or a function that computes it on first access."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
@@ -38,14 +38,14 @@ class OnDemand:
         return value
 
     def __set__(self, instance: Any, value: float | Callable[[], float] | None) -> None:
-        if isinstance(value, Slope):  # It is of the result that `dataclasses.replace` copies.
+        if isinstance(value, Slope):  # `dataclasses.replace` passes that of another result.
             same = map(np.array_equal, value.of, find_state(instance))
             value = value if all(same) else None
         vars(instance)[self._name] = value
 
 
 def find_state(result: Any) -> tuple[Any, ...]:
-    """Return what a stiffness belongs to: where the bodies touch, and which they are."""
+    """Return what a stiffness depends on: the elements in contact and the bodies."""
     m = result.material
     return result.pressure, result.element, result.periodic, (m.G, m.nu)
 
@@ -53,16 +53,16 @@ def find_state(result: Any) -> tuple[Any, ...]:
 @files.loadable
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class NormalResult(GridResult):
-    """Two bodies that are pressed together: pressures, gap, area, force, and what they cost.
+    """Two bodies pressed together: pressures, gap, contact area, force and approach.
 
-    Fields have the shape of the grid, (n,) or (n1, n2), and cannot be written to.
+    Fields have the shape of the grid, (n,) or (n1, n2), and are read-only.
 
     Attributes
     ----------
     material : CombinedMaterial
-        Of the two bodies together; `material=` of all functions takes it.
+        Combined constants of the two bodies; other functions take it as ``material=``.
     shape : tuple of int
-        The elements of the grid along each axis.
+        Number of elements along each axis.
     element : tuple of float
         Size of an element, mm.
     centres : tuple of ndarray
@@ -72,14 +72,14 @@ class NormalResult(GridResult):
     gap : ndarray
         The gap under load, mm: at least zero, and zero in contact, within `residual` of the
         largest interference.
-    displacement : ndarray
+    Displacement of both bodies together in the direction of the pressure, mm.
         The displacement of both bodies together along the pressure, mm.
     contact : ndarray of bool
-        Where the bodies touch: the pressure is positive.
+        Elements in contact: where the pressure is positive.
     area : float
         The area of contact, mm²; in plane strain its width, mm.
     force : float
-        The force that presses, N; in plane strain N per mm of length.
+        The normal force, N; in plane strain N per mm of length.
     approach : float
         The approach of the bodies, mm; also named `rigid`.
     max_pressure : float
@@ -91,30 +91,30 @@ class NormalResult(GridResult):
     periodic : tuple of bool
         Along which axes the surface repeats.
     plastic : ndarray or None
-        Where a hardness was given, the depth by which elements have yielded, mm; of a
-        `load_curve` under all loads so far.
+        If a hardness was given, the plastic depth of each element, mm; for a `load_curve` after all
+        loads so far.
     stiffness : float or None
-        The change of the force by that of the approach, N/mm; in plane strain N/mm². It is
-        computed when it is first asked for, by a few products. None of unlike bodies with friction,
-        of copies with the rows of one rank, and of those with other pressures or bodies.
+        dF/dδ, the derivative of the force by the approach, N/mm; in plane strain N/mm². It is
+        computed on first access, with a few products. None for unlike bodies with friction, for
+        copies that have the rows of one rank, and for copies with other pressures or bodies.
     products : int
-        Products with the matrix of this grid.
+        Matrix-vector products on this grid.
     work : float
-        All work, that on coarser grids, in preconditioners and in transforms of coefficients
-        too, in such products.
+        Total work in units of such a product, including coarser grids, preconditioners and
+        transforms of coefficients.
     iterations : tuple of int
-        Iterations of conjugate gradients on this grid, between two changes of the area.
+        Iterations of conjugate gradients on this grid, between successive changes of the area.
     residual : float
-        The largest violation of the conditions of contact, over the largest interference: at most
-        the tolerance.
+        The largest violation of the conditions of contact, relative to the largest interference; at
+        most the tolerance.
     warnings : tuple of str
-        Why the answer may not be of the problem that was meant, each of which is a
-        `ContactWarning` too: the grid too small or too coarse, a unit or a sign mistaken, or
-        pressures and slopes beyond the theory.
+        Reasons to doubt that the input is what was meant: the grid is too small or too coarse, a
+        unit or a sign is wrong, or pressures and slopes are beyond the theory. Each was also issued
+        as a `ContactWarning`.
 
     See Also
     --------
-    TangentialResult : of friction and rolling.
+    TangentialResult : the result of friction and rolling.
     """
 
     material: CombinedMaterial
@@ -140,7 +140,7 @@ class NormalResult(GridResult):
     residual: Annotated[float, Quantity("")] = 0.0
     warnings: tuple[str, ...] = ()
 
-    # What only tangential contact has.
+    # Attributes of tangential contact only.
     slip: ClassVar[None] = None
     stick: ClassVar[None] = None
     sliding: ClassVar[None] = None
@@ -150,45 +150,45 @@ class NormalResult(GridResult):
 
     @property
     def traction(self) -> Array:
-        """The pressures, N/mm², by the name that they share with tangential tractions."""
+        """The pressures, N/mm²; the same name as for tangential tractions."""
         return self.pressure
 
     @property
     def magnitude(self) -> Array:
-        """The size of the traction in each element, N/mm²: here the pressures."""
+        """The magnitude of the traction in each element, N/mm²: here the pressures."""
         return self.pressure
 
     @property
     def rigid(self) -> float:
-        """The approach, mm, by the name that it shares with a shift and creepages."""
+        """The approach, mm; the same name as for shifts and creepages."""
         return self.approach
 
     @property
     def mean_pressure(self) -> float:
-        """The mean pressure in contact, N/mm²; zero where nothing touches."""
+        """The mean pressure in contact, N/mm²; zero without contact."""
         return self.force / self.area if self.area else 0.0
 
     def conductance(self, k1: float, k2: float) -> float:
-        """Return the electrical or thermal conductance of the contact, by its stiffness.
+        """Return the electrical or thermal conductance of the contact from its stiffness.
 
         Parameters
         ----------
         k1, k2 : float
-            The conductivities of the two bodies: in S/m, or in W/(m K).
+            The conductivities of the two bodies, in S/m or in W/(m K).
 
         Returns
         -------
         float
-            C = 2 (dF/dδ) / (E* (1/k₁ + 1/k₂)), in S or in W/K: zero without contact. 1/C is the
-            resistance between bodies that conduct as half-spaces, through the contact alone and no
-            film; where the surface repeats along both axes, what is added to that of bodies that
-            touch everywhere (Barber, Proc. R. Soc. Lond. A 459, 2003).
+            C = 2 (dF/dδ) / (E* (1/k₁ + 1/k₂)), in S or W/K (Barber, Proc. R. Soc. Lond. A 459,
+            2003). It is zero without contact. 1/C is the resistance of conducting half-spaces
+            joined at the contact only, without a film. If the surface repeats along both axes, 1/C
+            is added to the resistance of bodies that touch everywhere.
 
         Raises
         ------
         ValueError
-            In line contact, also where the surface repeats along one of two axes; without a
-            `stiffness`; and where elements have yielded, as these conduct, but bear no more load.
+            In line contact, or if the surface repeats along one of two axes; without a `stiffness`;
+            and if elements have yielded, as these conduct but carry no additional load.
 
         Examples
         --------
@@ -216,7 +216,7 @@ class NormalResult(GridResult):
             )
         if self.stiffness is None:
             raise ValueError("stiffness is None, but must be known: use normal_contact")
-        return 2e-3 * self.stiffness / (self.material.E_star * rho)  # In mm, of k per metre.
+        return 2e-3 * self.stiffness / (self.material.E_star * rho)  # k is per metre.
 
     def _rules(self) -> Iterator[Rule]:
         p, C, k = self.pressure, self.contact, vars(self)["stiffness"]
@@ -228,19 +228,19 @@ class NormalResult(GridResult):
         yield Rule.of_sum("max_pressure", self.max_pressure, most, most, "the largest of pressure")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled, or copied: without what only all ranks compute, together."""
+        """Return the state to pickle or copy, without values that only all ranks can compute."""
         state = dict(vars(self))
         if callable(state["stiffness"]) and not is_whole(self):
             state["stiffness"] = None
         return state
 
     def _summary(self) -> Summary:
-        # On several ranks all have to ask for the stiffness.
+        # With several ranks, computing the stiffness takes all of them.
         return super()._summary()._replace(figures=self._figures(*("stiffness",) * is_whole(self)))
 
     @property
     def _yields(self) -> str | None:
-        """How many elements yield, in words, where a hardness was given."""
+        """The number of elements that yield, as text, if a hardness was given."""
         if self.plastic is None:
             return None
         count = int((self.plastic > 0.0).sum())

@@ -1,7 +1,7 @@
-"""Pictures of contacts: a field in colours, stick and slip, arrows along what has a direction.
+"""Pictures of contacts: fields in colours, areas of stick and slip, arrows for vectors.
 
-What is zero because nothing touches there is left white, and low values are light. Areas are told
-by their colours and not by outlines, which on rough surfaces would be wider than the spots.
+Elements outside the contact are white, and low values are light. Areas are shown by colours, not by
+outlines, which would be wider than the spots of rough surfaces.
 """
 
 from functools import partial
@@ -13,24 +13,24 @@ import numpy as np
 from toeplitz_mg._typing import Array
 from toeplitz_mg.contact.results.quantities import name_units, quantities, require_whole
 
-# Blue and orange are told apart by all who see colours in whatever way.
+# Blue and orange, which are distinct for colour-blind readers too.
 STICK, SLIP = "#3182BD", "#E6550D"
-LIGHTEST = 0.15  # Part of a map of colours that is too near to white to be seen beside it.
-PEAK = 1.25  # Largest value over nearly the largest, above which a few elements decide the colours.
-NEARLY = 0.995  # Share of the elements that are below what is nearly the largest value.
-BAR, SPACE = 0.14, 0.1  # Width of a bar of colours, and of the space before it, inches.
-ARROWS = 15  # Arrows along each side of a contact as long as it is wide.
-SHORTEST = 0.03  # Length of an arrow, over that of the longest, below which it is but a point.
-# Units of lengths on labels: from which largest length on, mm, and how many of them a mm has.
+LIGHTEST = 0.15  # Share of a colour map left out at the light end, as too close to white.
+PEAK = 1.25  # Above this ratio of the maximum to the NEARLY-quantile, the quantile is the top.
+NEARLY = 0.995  # The quantile that PEAK refers to.
+BAR, SPACE = 0.14, 0.1  # Width of a colour bar, and of the space before it, inches.
+ARROWS = 15  # Arrows along each side of a square contact.
+SHORTEST = 0.03  # Arrows shorter than this share of the longest are drawn as points.
+# Units of lengths on labels: the smallest maximum that uses it, mm, and the units per mm.
 LENGTHS = ((0.1, 1.0, "mm"), (1e-4, 1e3, "µm"), (0.0, 1e6, "nm"))
-FILLED = 0.3  # Share of the smallest rectangle around the contact, below which arrows hide spots.
+FILLED = 0.3  # No arrows if the contact fills less of its bounding rectangle: they hide spots.
 
 
 def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
-    """Draw a field of a result, and return the axes (see `NormalResult.plot`)."""
+    """Draw a field of a result and return the axes (see `NormalResult.plot`)."""
     require_whole(result)
     if field is not None and not isinstance(field, str):
-        field, ax = None, field  # The axes alone were given.
+        field, ax = None, field  # Only the axes were given.
     declared = quantities(type(result))
     names = [k for k, q in declared.items() if q.shades and getattr(result, k) is not None]
     field = field or names[0]
@@ -46,9 +46,9 @@ def draw(result: Any, field: Any = None, ax: Any = None) -> Any:
 
 
 def label_axis(axis: Any, name: str, unit: str, largest: float = np.inf) -> None:
-    """Label an axis, or that of a bar of colours, with a unit: "1" of plain numbers.
+    """Label an axis or colour bar with its unit ("1" for a plain number).
 
-    Lengths that are small are numbered in µm or nm; what is drawn stays in mm.
+    Small lengths have tick labels in µm or nm; the data stay in mm.
     """
     if unit == "mm":
         factor, unit = next((k, small) for least, k, small in LENGTHS if not 0.0 < largest < least)
@@ -62,14 +62,14 @@ def _write_tick(factor: float, value: float, _: int | None = None) -> str:
 
 
 def _label_places(ax: Any, *axes: Array) -> None:
-    """Label the axes of a picture, x and y, in the same unit."""
+    """Label the x and y axes of a picture in the same unit."""
     largest = max(float(np.abs(x).max()) for x in axes)
     for axis, name, _ in zip((ax.xaxis, ax.yaxis), "xy", axes, strict=False):
         label_axis(axis, name, "mm", largest)
 
 
 def _name_load(result: Any) -> str:
-    """Return the force of a result, and of tangential ones the force that friction carries."""
+    """Return the force of a result as text; for tangential results also the friction limit."""
     force = result._figures()[0].text.replace("-", "−")
     if result.stick is None:
         return f"P = {force}"
@@ -79,15 +79,15 @@ def _name_load(result: Any) -> str:
 
 
 def find_axes(ax: Any, columns: int = 1) -> Any:
-    """Return these axes, or else new ones, several beside each other on one figure.
+    """Return the given axes, or new ones side by side on a new figure.
 
     Raises
     ------
     ImportError
-        Where matplotlib is not installed.
+        If matplotlib is not installed.
     """
     try:
-        from matplotlib import pyplot as plt  # It is an extra, and slow to import.
+        from matplotlib import pyplot as plt  # Optional, and slow to import.
     except ImportError as error:
         raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
     if ax is None:
@@ -101,7 +101,7 @@ def draw_section(stresses: Any, field: str, label: str, ax: Any) -> Any:
     """Draw a stress along x and over the depth, and return the axes (see `Stresses.plot`)."""
     ax = find_axes(ax)
     values, contact, x = getattr(stresses, field), stresses.contact, stresses.centres[0]
-    if values.ndim > 2:  # Under the y at which it is the largest.
+    if values.ndim > 2:  # Draw the section through the largest value.
         column = np.unravel_index(np.abs(values).argmax(), values.shape)[-1]
         values, contact = values[..., column], None if contact is None else contact[:, column]
         ax.set_title(f"y = {stresses.centres[1][column]:.3g} mm", fontsize="medium")
@@ -130,9 +130,9 @@ def draw_section(stresses: Any, field: str, label: str, ax: Any) -> Any:
 
 
 def _draw_line(result: Any, field: str, ax: Any) -> None:
-    """Draw a field over x."""
+    """Plot a field over x."""
     x, values = result.x, getattr(result, field)
-    if values.ndim > 1:  # Of line contact with lateral tractions too.
+    if values.ndim > 1:  # Line contact with two components.
         values = np.hypot(*values)
     if result.stick is not None:
         values = np.where(result.contact, values, 0.0 if field == "traction" else np.nan)
@@ -158,17 +158,17 @@ def _draw_line(result: Any, field: str, ax: Any) -> None:
 
 
 def _draw_surface(result: Any, field: str, ax: Any) -> None:
-    """Draw a field in colours, with a bar of them, and arrows if it has a direction."""
+    """Draw a field in colours with a colour bar, and arrows if it is a vector field."""
     values = getattr(result, field)
     size = np.hypot(*values) if values.ndim > 2 else values
     shown = result.contact
-    if result.stick is None and field != "pressure":  # The others are of contact alone.
+    if result.stick is None and field != "pressure":  # Other fields extend beyond the contact.
         shown = ~result.contact if field == "gap" else np.ones_like(result.contact)
     if field == "plastic":
         shown = result.plastic > 0.0
-    if field == "slip":  # It is zero where the bodies stick.
+    if field == "slip":  # Zero where the bodies stick.
         shown = result.sliding
-    shown = shown & np.isfinite(size)  # The gap is infinite where there is no material.
+    shown = shown & np.isfinite(size)  # The gap is infinite outside the material.
     top = _top(size[shown])
     shades = quantities(type(result))[field].shades.split()
     if len(shades) > 1:
@@ -188,18 +188,18 @@ def _draw_surface(result: Any, field: str, ax: Any) -> None:
 
 
 def _areas(result: Any) -> tuple[tuple[str, Array, str], tuple[str, Array, str]]:
-    """Return the names, the elements and the colours of stick and of slip."""
+    """Return the names, the elements and the colours of the areas of stick and slip."""
     return ("stick", result.stick, STICK), ("slip", result.sliding, SLIP)
 
 
 def _name(result: Any, field: str) -> tuple[str, str]:
-    """Return the name of a field, and its unit."""
+    """Return the label and the unit of a field."""
     unit, name = name_units(result)[field], quantities(type(result))[field].label or field
     return f"{name} over distance rolled" if unit == "1" else name, unit
 
 
 def _top(values: Array) -> float:
-    """Return the value of the darkest colour: the largest, unless only a few are as large."""
+    """Return the value of the darkest colour: the maximum, unless only few values are near it."""
     if not values.size or not values.max() > 0.0:
         return 1.0
     nearly, largest = float(np.quantile(values, NEARLY)), float(values.max())
@@ -207,7 +207,7 @@ def _top(values: Array) -> float:
 
 
 def _show(result: Any, ax: Any, size: Array, shown: Array, shades: str, top: float) -> Any:
-    """Draw values in some elements, in shades from light to dark, and return the image."""
+    """Draw the values of some elements in shades from light to dark, and return the image."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
@@ -220,10 +220,10 @@ def _show(result: Any, ax: Any, size: Array, shown: Array, shades: str, top: flo
 
 
 def _add_bar(ax: Any, image: Any, place: float) -> Any:
-    """Add a bar of colours as high as the axes, so many inches to their right."""
+    """Add a colour bar as high as the axes, at a distance in inches to their right."""
     from matplotlib.transforms import ScaledTranslation, blended_transform_factory
 
-    # In inches: a layout asks for the width of what is beside the axes before it changes theirs.
+    # In inches: a layout engine reads the width of decorations before it resizes the axes.
     inches = ax.figure.dpi_scale_trans + ScaledTranslation(1.0, 0.0, ax.transAxes)
     place_of_bar = blended_transform_factory(inches, ax.transAxes)
     inset = ax.inset_axes((place, 0.0, BAR, 1.0), transform=place_of_bar)
@@ -233,7 +233,7 @@ def _add_bar(ax: Any, image: Any, place: float) -> Any:
 
 
 def _show_arrows(result: Any, ax: Any, vectors: Array) -> None:
-    """Draw arrows along a field with a direction, the longest as long as they are apart."""
+    """Draw arrows along a vector field; the longest is as long as their spacing."""
     i, j = np.nonzero(result.contact)
     if not len(i):
         return
@@ -262,7 +262,7 @@ def _show_arrows(result: Any, ax: Any, vectors: Array) -> None:
 
 
 def _show_travel(ax: Any, height: float) -> None:
-    """Show which way the contact rolls, at this height of the axes: towards positive x."""
+    """Show the direction of rolling, towards positive x, at this height of the axes."""
     arrow = {"arrowstyle": "-|>", "color": "#000000", "linewidth": 1.5}
     ends = {"xy": (0.19, height), "xytext": (0.02, height)}
     ax.annotate("", **ends, xycoords="axes fraction", arrowprops=arrow, annotation_clip=False)

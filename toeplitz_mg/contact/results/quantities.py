@@ -1,7 +1,7 @@
-"""What results of contact problems consist of: the unit, the axes and the name of each quantity.
+"""The unit, the axes and the label of each quantity in a result.
 
 Each field of a result declares them in its annotation. Summaries, files, datasets, VTK and pictures
-read what they need there.
+use these declarations.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,31 +12,31 @@ import numpy as np
 
 from toeplitz_mg._typing import Array
 
-TOGETHER, ENERGY = "displacement of both bodies", "elastic energy"  # Names of two quantities.
+TOGETHER, ENERGY = "displacement of both bodies", "elastic energy"  # Labels used more than once.
 CREEPAGES = ("longitudinal", "lateral", "spin")
-VECTORS = "grid | 2, grid"  # The axes of what has a direction, along x alone or along both axes.
+VECTORS = "grid | 2, grid"  # Axes of a vector field: with the x component only, or with x and y.
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity of a result, as the annotation of its field declares it.
+    """A quantity of a result, declared in the annotation of its field.
 
     Parameters
     ----------
     unit : str
-        The unit, "1" of plain numbers, or the name of one that depends on the result (`units_of`).
+        The unit, "1" for a plain number, or the name of a unit in `units_of`.
     axes : str
-        The axes of an array, as in "2, grid", or more than one such list with "|" between them; a
-        number without.
+        The axes of an array, as in "2, grid"; alternatives are separated by "|". Empty for a
+        number.
     kind : str
-        "f" of real numbers, "b" of truth values, "i" of integers, as in the `kind` of a dtype.
+        The `kind` of its dtype: "f" for real numbers, "b" for booleans, "i" for integers.
     beyond : str
-        What it may be beside a number: "inf" where infinity is a value, "nan" where NaN is too.
+        Special values it may have: "inf" for infinity, "nan" for infinity and NaN.
     label : str
-        Its name in summaries and pictures; by default that of the field.
+        Its label in summaries and pictures; by default the name of the field.
     shades : str
-        The colours of its picture, by matplotlib's name, two of what has them for stick and for
-        slip; it has no picture without.
+        The matplotlib colour maps of its picture, two if stick and slip differ. Without, it has no
+        picture.
     """
 
     unit: str
@@ -47,7 +47,7 @@ class Quantity:
     shades: str = ""
 
     def shapes(self, sizes: Mapping[str, tuple[int, ...]]) -> list[tuple[int, ...]]:
-        """Return the shapes that an array may have, where axes have these sizes."""
+        """Return the shapes that an array may have for these sizes of the axes."""
         alternatives = [[axis.strip() for axis in one.split(",")] for one in self.axes.split("|")]
         return [
             sum((sizes[axis] if axis in sizes else (int(axis),) for axis in axes), ())
@@ -56,16 +56,16 @@ class Quantity:
 
 
 def quantities(kind: type) -> dict[str, Quantity]:
-    """Return what a class of results declares, by the names of the fields."""
+    """Return the quantities that a class of results declares, by field name."""
     declared = {field.name: getattr(field.type, "__metadata__", ()) for field in fields(kind)}
     return {name: found[0] for name, found in declared.items() if found}
 
 
 def units_of(element: Sequence[float], *, rolls: bool = False) -> dict[str, str]:
-    """Return the units that depend on the problem, by the names that quantities have for them.
+    """Return the units that depend on the problem, by the names that `Quantity.unit` uses.
 
-    In plane strain, on elements of one size, they are per mm of length; in rolling they are over
-    the distance rolled.
+    In plane strain, where elements have one size, they are per mm of length. In rolling they are
+    per distance rolled.
     """
     force, area, energy, stiffness = "N", "mm²", "N mm", "N/mm"
     if len(element) == 1:
@@ -75,9 +75,9 @@ def units_of(element: Sequence[float], *, rolls: bool = False) -> dict[str, str]
 
 
 def name_units(result: Any) -> dict[str, str]:
-    """Return the units of the attributes of a result, by their names: "1" of plain numbers."""
+    """Return the units of the attributes of a result by name: "1" for plain numbers."""
     own, declared = vars(result), quantities(type(result))
-    creepages = own.get("creepages")  # What is computed on demand is not asked for here.
+    creepages = own.get("creepages")  # Values computed on demand are not computed here.
     units = units_of(own.get("element", ()), rolls=creepages is not None)
     if creepages is not None:
         of_points = declared["creepages"].axes.startswith("points")
@@ -89,7 +89,7 @@ def name_units(result: Any) -> dict[str, str]:
 
 
 def fields_on_grid(result: Any) -> dict[str, Array]:
-    """Return the arrays that have a value in each element, by their names, components first."""
+    """Return the arrays with a value in each element by name; components come first."""
     require_whole(result)
     own, shape = vars(result), result.contact.shape
     declared = {name for name, quantity in quantities(type(result)).items() if quantity.axes}
@@ -97,13 +97,13 @@ def fields_on_grid(result: Any) -> dict[str, Array]:
 
 
 def is_whole(result: Any) -> bool:
-    """Whether the fields are of the whole grid: on several ranks they have the rows of one."""
+    """Whether the fields cover the whole grid; with several ranks they have the rows of one."""
     whole: bool = result.contact.shape == result.shape
     return whole
 
 
 def require_whole(result: Any, name: str = "the result") -> None:
-    """Refuse a result that has the rows of one rank, where the whole grid is needed."""
+    """Raise an error if a result has only the rows of one rank."""
     if not is_whole(result):
         raise ValueError(
             f"{name} has the rows of one rank, {result.contact.shape} of the {result.shape} "

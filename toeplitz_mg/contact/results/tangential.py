@@ -1,4 +1,4 @@
-"""What bodies that shift or roll on each other have for an answer."""
+"""Results of friction and rolling."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ from toeplitz_mg.halfspace import CombinedMaterial
 @files.loadable
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class TangentialResult(GridResult):
-    """Two bodies that shift or roll on each other: tractions, slip, areas of stick and of slip.
+    """Two bodies that shift or roll on each other: tractions, slip, areas of stick and slip.
 
-    Fields have the shape of the grid, and cannot be written to; those with a direction have on a
-    surface the components x and y first, (2, n1, n2).
+    Fields have the shape of the grid and are read-only. On a surface, vector fields have shape (2,
+    n1, n2), with the components x and y first.
 
     Attributes
     ----------
     material : CombinedMaterial
-        Of the two bodies together; `material=` of all functions takes it.
+        Combined constants of the two bodies; other functions take it as ``material=``.
     shape : tuple of int
-        The elements of the grid along each axis.
+        Number of elements along each axis.
     element : tuple of float
         Size of an element, mm.
     centres : tuple of ndarray
@@ -36,22 +36,22 @@ class TangentialResult(GridResult):
     traction : ndarray
         The tangential tractions, N/mm².
     slip : ndarray
-        The slip (Eq. 1): along minus the traction where the bodies slide, zero where they stick.
-        It is in mm, in rolling over the distance rolled, dimensionless.
+        The slip (Eq. 1): opposite to the traction where the bodies slide, zero where they stick. In
+        mm for friction; for rolling divided by the distance rolled, dimensionless.
     displacement : ndarray
-        The displacement of both bodies together along the tractions, mm, in rolling too. It is
-        given, as the slip is, in contact only, and zero elsewhere.
+        Displacement of both bodies together along x and y, mm, in rolling too. Both slip and
+        displacement are zero outside the contact.
     bound : ndarray
         The traction bound g, N/mm².
     contact : ndarray of bool
-        Where the bodies touch: the traction bound is positive, and at least 1e-15 of the largest,
-        as tractions that are less are rounding.
+        Elements in contact: where the traction bound is positive, and at least 1e-15 of its
+        maximum.
     stick : ndarray of bool
         Where the bodies stick.
     area : float
         The area of contact, mm²; in plane strain its width, mm.
     stick_area : float
-        The part of it where the bodies stick.
+        The part of the area where the bodies stick.
     force : float or ndarray of shape (2,)
         The sum of the tractions, N; in plane strain N per mm of length.
     energy : float
@@ -64,45 +64,45 @@ class TangentialResult(GridResult):
         In friction, the rigid shift of the bodies since the previous tractions, mm; None in
         rolling.
     total_shift : float, ndarray or None
-        In friction, the sum of that shift and those of all results before it; None in rolling.
+        In friction, the sum of this shift and those of all previous results; None in rolling.
     creepages : float, ndarray or None
-        In rolling, the creepages (longitudinal, lateral, spin), the first two dimensionless, the
-        spin in 1/mm, and in line contact that is rolled along x alone the longitudinal one; None in
+        In rolling, the creepages (longitudinal, lateral, spin): the first two are dimensionless,
+        the spin is in 1/mm. In line contact rolled along x only, the longitudinal creepage. None in
         friction.
     moment : float or None
-        The moment of the tractions, N mm, about the middle of the grid; in rolling about the pole,
-        with the arm x - h/2, as the slip by a spin belongs half an element ahead of where it
-        stands: the moment of the tractions themselves is ``moment + h / 2 * force[1]``. None in
+        The moment of the tractions about the middle of the grid, N mm. In rolling it is about the
+        pole, with the arm x - h/2, since the slip of an element due to spin belongs to the point
+        half an element ahead. The moment with the arm x is ``moment + h / 2 * force[1]``. None in
         line contact.
     power : float
-        What slip dissipates. In `rolling` the power over the speed, N, from forces and creepages:
-        in the steady state it is more exact than the sum of -q·s over the elements that slide, but
-        with spin on an element or two it may even be negative. That sum it is in `rolling_steps`,
-        where the bodies store a part of the other. In friction it is the work of the slip since
-        the previous tractions, N mm, in plane strain N: that sum too, exact where each element
-        slides one way under the bound that it has now.
+        The dissipated power or work. In `rolling`, the power divided by the speed, N, from forces
+        and creepages. In the steady state this is more exact than the sum of -q·s over the sliding
+        elements, but with spin on one or two elements it may be negative. In `rolling_steps` it is
+        that sum, as the bodies also store energy. In friction it is the work of the slip since the
+        previous tractions, N mm; in plane strain N. That sum is exact if each element slides in one
+        direction under its present bound.
     products : int
-        Products with the matrix of the smallest rectangle around the elements in contact.
+        Products with the matrix for the smallest rectangle around the elements in contact.
     work : float
-        All work, that on coarser grids, in preconditioners and in transforms of coefficients
-        too, in such products.
+        Total work in units of such a product, including coarser grids, preconditioners and
+        transforms of coefficients.
     iterations : tuple of int
-        Iterations of the Krylov method on this grid, between two changes of the areas; in steady
-        rolling all steps, first those with the matrix as an array, where there were such.
+        Iterations of the Krylov method on this grid, between successive changes of the areas. In
+        steady rolling, all steps; those with the matrix stored as an array come first.
     residual : float
-        The largest violation of Coulomb's law, at most the tolerance. It is relative, in friction
-        to the largest displacement that there would be without slip, or was before, or that by
-        the mean traction on one element where a force is given, if that is larger; in steady
-        rolling to the largest rigid slip, and in a step of rolling to what would be without slip,
-        if that is larger. Zero where a force of μ P lets all slide: tractions along it are those
-        after a long way, and not yet at the shift that is returned, unless ν = 0.
+        The largest relative violation of Coulomb's law, at most the tolerance. In friction it is
+        relative to the largest displacement without slip, now or before, or, if a force is given,
+        to the displacement of one element by the mean traction if that is larger. In steady rolling
+        it is relative to the largest rigid slip; in a step of rolling to the displacement without
+        slip, if that is larger. It is zero if a force of μ P makes all elements slide: the
+        tractions are then those after a long way, which the returned shift reaches only if ν = 0.
     warnings : tuple of str
-        Why the answer may not be of the problem that was meant, each of which is a
-        `ContactWarning` too.
+        Reasons to doubt that the input is what was meant. Each was also issued as a
+        `ContactWarning`.
 
     See Also
     --------
-    NormalResult : of bodies that are pressed together.
+    NormalResult : the result of normal contact.
     """
 
     material: CombinedMaterial
@@ -132,25 +132,25 @@ class TangentialResult(GridResult):
     residual: Annotated[float, Quantity("")] = 0.0
     warnings: tuple[str, ...] = ()
 
-    # What only normal contact has.
+    # Attributes of normal contact only.
     gap: ClassVar[None] = None
 
     @property
     def sliding(self) -> Array:
-        """Where the bodies slide on each other."""
+        """Elements in contact where the bodies slide."""
         return self.contact & ~self.stick
 
     @property
     def magnitude(self) -> Array:
-        """The size of the traction in each element, N/mm²."""
+        """The magnitude of the traction in each element, N/mm²."""
         is_vector = self.traction.ndim > self.contact.ndim
         return np.hypot(*self.traction) if is_vector else np.abs(self.traction)
 
     @property
     def dissipation(self) -> Array:
-        """What slip dissipates in each element over its area, -q·s, as wear is in proportion to.
+        """The energy -q·s dissipated in each element, per area, to which wear is proportional.
 
-        In rolling it is over the distance rolled, N/mm², and in friction N/mm.
+        N/mm in friction; in rolling divided by the distance rolled, N/mm².
         """
         lost = np.where(self.sliding, 0.0 - self.traction * self.slip, 0.0)
         density: Array = lost.sum(axis=0) if lost.ndim > self.contact.ndim else lost
@@ -158,7 +158,7 @@ class TangentialResult(GridResult):
 
     @property
     def rigid(self) -> Any:
-        """The shift, or the creepages, by the name that they share with an approach."""
+        """The shift or the creepages; the same name as for the approach."""
         return self.shift if self.creepages is None else self.creepages
 
     @property
@@ -197,7 +197,7 @@ class TangentialResult(GridResult):
         creepages, spin = self.creepages, None
         if is_rolling and np.size(creepages) == 3:
             *creepages, spin = creepages
-        # A moment that is rounding of its parts is none.
+        # A moment within rounding of its terms is shown as zero.
         arm = 0.5 * max(h * n for h, n in zip(self.element, self.shape, strict=False))
         largest = arm * prod(self.element) * float(self.magnitude.sum())
         moment = 0.0 if abs(self.moment or 0.0) <= NOTHING * largest else self.moment
@@ -206,7 +206,7 @@ class TangentialResult(GridResult):
             Figure("moment", None if self.moment is None else moment, "N mm"),
             Figure(name, self.power, unit),
         )
-        is_field = np.size(self.shift) > 2 or np.ndim(self.shift) > 1  # It may be of one element.
+        is_field = np.size(self.shift) > 2 or np.ndim(self.shift) > 1  # May have one element.
         return list_figures(
             self, "force", Figure("creepages", creepages), Figure("spin", spin, "1/mm"),
             Figure("shift", "a field" if is_field else self.shift, "mm"),
