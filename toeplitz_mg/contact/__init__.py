@@ -1,4 +1,4 @@
-"""What the solvers are for: contact of elastic half-spaces."""
+"""Contact mechanics of elastic half-spaces: normal contact, friction and rolling."""
 
 from toeplitz_mg.contact import surfaces
 from toeplitz_mg.contact.curves import LoadCurve, RollingSteps

@@ -1,4 +1,4 @@
-"""Curves: results under one load or in one step after the other, and tables of their numbers."""
+"""Results for a sequence of loads or steps, and tables of their numbers."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Self, TypeVar
@@ -16,22 +16,22 @@ Kind = TypeVar("Kind", NormalResult, TangentialResult)
 
 
 class Curve(Result):
-    """Points with numbers: a table of them, with a row for each point, and its picture."""
+    """A sequence of points with numbers, as a table and a plot."""
 
     _title: ClassVar[str]
 
     def to_dataframe(self, *, friction: float | None = None) -> Any:
-        """Return the numbers of all points as a table of pandas, with a row for each point.
+        """Return the numbers of all points as a pandas table with one row per point.
 
         Parameters
         ----------
         friction : float, optional
-            The force μ P, as for `plot`: then the table has -F/(μ P) in the place of forces F.
+            The force μ P, as for `plot`. Then forces F are given as -F/(μ P).
 
         Returns
         -------
         pandas.DataFrame
-            Its ``attrs["units"]`` has the units of the columns.
+            ``attrs["units"]`` holds the units of the columns.
         """
         pandas = files.import_extra("pandas", "to_dataframe")
         self._complete()
@@ -41,7 +41,7 @@ class Curve(Result):
         return table.rename_axis("point")
 
     def to_xarray(self) -> Any:
-        """Return the numbers of all points, and their fields if they have some, with units.
+        """Return the numbers of all points, and their fields if there are any, with units.
 
         Returns
         -------
@@ -55,18 +55,18 @@ class Curve(Result):
         return self._stack_fields(xarray).assign(numbers).assign_attrs(kind=type(self).__name__)
 
     def plot(self, ax: Any = None, *, friction: float | None = None) -> Any:
-        """Draw the forces: of rolling over the creepage that varies, of a load over the approach.
+        """Plot the force: over the approach for loads, over the varying creepage for rolling.
 
-        Those of steps are drawn over the distance rolled; where creepages vary, as they are found
-        for given forces, these are.
+        Steps are plotted over the distance rolled; if their creepages vary because a force is
+        given, the creepages are plotted.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw, as beside other curves; by default on a new figure.
+            Axes to draw in; by default those of a new figure.
         friction : float, optional
-            The force μ P, N; in plane strain N/mm. Then -F/(μ P) is drawn, as in the literature:
-            upwards where the creepage is positive, as forces are against it, and 1 at most.
+            The force μ P, N; in plane strain N/mm. Then -F/(μ P) is plotted, as in the literature:
+            forces oppose the creepage, so this is positive for positive creepage, and at most 1.
 
         Returns
         -------
@@ -83,7 +83,7 @@ class Curve(Result):
         pictures.label_axis(ax.yaxis, up, columns[drawn[0]][1])
         largest = float(np.abs(values).max(initial=0.0))
         pictures.label_axis(ax.xaxis, over + " creepage" * (unit == "1"), unit, largest)
-        if unit != "mm":  # Lengths are numbered in their own way.
+        if unit != "mm":  # Lengths choose their own unit.
             ax.ticklabel_format(axis="x", scilimits=(-2, 3))
         ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         ax.legend()
@@ -102,7 +102,7 @@ class Curve(Result):
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of the numbers, by their names."""
+        """The units of the numbers by name."""
         return name_units(self)
 
     @property
@@ -126,7 +126,7 @@ class Curve(Result):
         return xarray.Dataset()
 
     def _table(self, *, asks: bool = True) -> dict[str, Array]:
-        """Return the numbers of the points, by their names, the first axis being the points'."""
+        """Return the numbers of the points by name; the first axis counts the points."""
         declared = quantities(type(self)).items()
         table = {name: getattr(self, name) for name, q in declared if q.axes.startswith("points")}
         return {name: values for name, values in table.items() if values is not None}
@@ -134,7 +134,7 @@ class Curve(Result):
     def _columns(
         self, friction: float | None = None, *, asks: bool = True
     ) -> dict[str, tuple[Array, str]]:
-        """Return the columns of the table, one for each component, with their units."""
+        """Return the columns of the table, one per component, with their units."""
         table, units, columns = self._table(asks=asks), dict(self.units), {}
         if friction is not None:
             friction = positive("friction", friction, units.get("force", ""))
@@ -153,7 +153,7 @@ class Curve(Result):
         return columns
 
     def _choose(self, columns: Any, friction: float | None = None) -> tuple[str, list[str]]:
-        """Return the names of the columns that are drawn: what over, and what."""
+        """Return the names of the columns to plot: the abscissa, and the ordinates."""
         forces = [name for name in columns if name.startswith("force")]
         varied = [x for x in CREEPAGES if x in columns and np.ptp(columns[x][0]) > 0.0]
         if "approach" in columns:
@@ -165,18 +165,18 @@ class Curve(Result):
 
 @dataclass(eq=False, repr=False)
 class Results(Curve, Generic[Kind]):
-    """Results one after the other, computed as they are iterated over (see `LoadCurve`)."""
+    """A sequence of results, computed during iteration (see `LoadCurve`)."""
 
     results: Any
     points: int
     keep: bool = True
 
     _kind: ClassVar[type]
-    _warns: ClassVar[bool] = False  # Whether each result warns; of steps the call does, once.
+    _warns: ClassVar[bool] = False  # Whether each result warns. Steps warn once.
 
     def __post_init__(self) -> None:
-        """Take the results of a file, or an iterator that computes them."""
-        self._rows: list[dict[str, Any]] = []  # The numbers of results that were not kept.
+        """Accept the results of a file, or an iterator that computes them."""
+        self._rows: list[dict[str, Any]] = []  # Numbers of the results that were not kept.
         self._given = 0
         self._failure: str = ""
         if not isinstance(self.results, list):
@@ -191,13 +191,13 @@ class Results(Curve, Generic[Kind]):
             )
 
     def __iter__(self) -> Self:
-        """Go on, or begin again once all have been returned."""
+        """Continue; after the last result, start again with the first."""
         if self._given == self.points:
             self._given = 0
         return self
 
     def __next__(self) -> Kind:
-        """Return the next result, which is computed unless it is there."""
+        """Return the next result, and compute it if needed."""
         if self._given == self.points:
             raise StopIteration
         k = self._given - len(self._rows)
@@ -213,34 +213,34 @@ class Results(Curve, Generic[Kind]):
         return result
 
     def __len__(self) -> int:
-        """Return how many results there are in all, computed or not."""
+        """Return the total number of results, computed or not."""
         return self.points
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of the numbers and the fields, by their names."""
+        """The units of the numbers and the fields by name."""
         units = name_units(self.results[0]) if self.results else {}
         return units | {"distance": "mm"} if "creepages" in units else units
 
     @property
     def _there(self) -> int:
-        """How many results are computed."""
+        """The number of computed results."""
         return len(self._rows) + len(self.results)
 
     def _compute(self) -> Kind:
-        """Compute one more result."""
+        """Compute the next result."""
         if self._failure:
             raise RuntimeError(f"no more than {self._extent} are there, as {self._failure}")
         try:
             result: Kind = next(self._coming)
-        except BaseException as error:  # An interruption ends a generator, too.
+        except BaseException as error:  # Includes interruptions, which end a generator too.
             self._failure = f"the next one ended with {error!r}"
             raise
         if self.results and not self.keep:
             self._rows.append(_list_numbers(self.results.pop(), asks=False))
         self.results.append(result)
         if self._there == self.points:
-            self._coming = iter(())  # The generator, and the fields it holds, can go.
+            self._coming = iter(())  # Release the generator and its fields.
         return result
 
     def _complete(self, needs_fields: str = "") -> None:
@@ -251,7 +251,7 @@ class Results(Curve, Generic[Kind]):
         while self._there < self.points:
             result = self._compute()
             if not self.keep:
-                _list_numbers(result, asks=True)  # The result keeps its stiffness from here on.
+                _list_numbers(result, asks=True)  # This computes and stores its stiffness.
             if self._warns:
                 doubts.warn(result.warnings, within=1)
 
@@ -278,25 +278,25 @@ class Results(Curve, Generic[Kind]):
 
 @files.loadable
 class LoadCurve(Results[NormalResult]):
-    """Bodies under one load after the other: an iterator that computes each `NormalResult`.
+    """Results for a sequence of loads: an iterator that computes each `NormalResult`.
 
-    An iteration goes on where the last one has stopped, and after the last result begins with the
-    first one again, without computing. `plot`, `to_dataframe`, `to_xarray` and `save` compute what
-    is left; `len` is the number of all loads.
+    An interrupted iteration continues where it stopped; after the last result, it starts again with
+    the first without computing anew. `plot`, `to_dataframe`, `to_xarray` and `save` compute the
+    remaining results. `len` is the total number of loads.
 
     Attributes
     ----------
     results : list
-        The results that are computed so far; where `keep` is false the last of them.
+        The results computed so far; if `keep` is false, only the last one.
     points : int
         The number of loads.
     keep : bool
-        Whether results are kept. Their numbers are kept in any case, of the `stiffness` NaN where
-        it was not asked for before the next load.
+        Whether results are kept. Their numbers are always kept; the `stiffness` is NaN if it was
+        not read before the next load.
 
     See Also
     --------
-    load_curve : makes it.
+    load_curve : returns it.
     """
 
     _title, _kind, _warns = "Load curve", NormalResult, True
@@ -304,20 +304,20 @@ class LoadCurve(Results[NormalResult]):
 
 @files.loadable
 class RollingSteps(Results[TangentialResult]):
-    """Bodies that roll step by step: an iterator that computes each `TangentialResult`.
+    """Results of rolling step by step: an iterator that computes each `TangentialResult`.
 
-    Its methods and attributes are those of `LoadCurve`, with steps for loads.
+    Methods and attributes are those of `LoadCurve`, with steps instead of loads.
 
     See Also
     --------
-    rolling_steps : makes it.
+    rolling_steps : returns it.
     """
 
     _title, _kind = "Rolling", TangentialResult
 
 
 def _list_numbers(result: Any, *, asks: bool) -> dict[str, Any]:
-    """Return what a result has but its fields; what is computed on demand is asked for, or NaN."""
+    """Return the numbers of a result; those computed on demand are computed (`asks`) or NaN."""
     own, numbers = vars(result), {}
     for name, quantity in quantities(type(result)).items():
         value = own[name]

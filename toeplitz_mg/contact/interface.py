@@ -15,33 +15,33 @@ from toeplitz_mg.contact.tangential.friction import friction
 
 
 def interfacial_stiffness(pressed: NormalResult) -> tuple[float, float, float]:
-    """Return the stiffness of an interface, normal and tangential, per nominal area.
+    """Return the normal and tangential stiffness of an interface, per nominal area.
 
     Parameters
     ----------
     pressed : NormalResult
-        A result of `normal_contact`. The nominal area is that of all elements of material.
+        A result of `normal_contact`. The nominal area is that of all elements with material.
 
     Returns
     -------
     (float, float, float)
-        Across the interface, of a load that grows, so that elements that yield bear no more; and
-        along x and y, of bodies that stick, N/mm³. Zero without contact, infinite where the bodies
-        touch everywhere.
+        Normal stiffness k under increasing load (so that yielding elements carry no more), and
+        tangential stiffnesses along x and y for bodies that stick, N/mm³. Zero without contact,
+        infinite if the bodies touch everywhere.
 
     See Also
     --------
-    NormalResult : its `stiffness` is that of the interface and the bodies together, dF/dδ.
+    NormalResult : its `stiffness` dF/dδ includes that of the bodies.
 
     Notes
     -----
     The interface is in series with the bodies: 1/k is the nominal area times 1/K - 1/K₁, where K is
-    the stiffness of the elements in contact, and K₁ that of bodies that touch everywhere. Where a
-    surface repeats along all axes 1/K₁ is zero, and k = dp̄/dδ.
+    the stiffness of the elements in contact, and K₁ that of bodies that touch everywhere. If the
+    surface repeats along all axes, 1/K₁ is zero, and k = dp̄/dδ.
 
-    Of an isotropic surface both tangential ones are 2 (1-ν)/(2-ν) times the normal one, Mindlin's
-    ratio for a circle (C. Campañá, B. N. J. Persson, M. H. Müser, J. Phys.: Condens. Matter 23,
-    085001, 2011). They are without the coupling of unlike materials, as those of `friction`.
+    For isotropic surfaces, both tangential stiffnesses are 2 (1-ν)/(2-ν) times the normal one,
+    Mindlin's ratio for a circle (C. Campañá, B. N. J. Persson, M. H. Müser, J. Phys.: Condens.
+    Matter 23, 085001, 2011). As in `friction`, the coupling of unlike materials is neglected.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def interfacial_stiffness(pressed: NormalResult) -> tuple[float, float, float]:
     grid = Grid.of(pressed.shape, pressed.element, pressed.material, None, repeats)
 
     def hold(C: Array, axis: int) -> float:
-        """Return the force by a shift along an axis, over that, of elements that stick."""
+        """Return the force per unit shift along an axis, for elements that stick."""
         if grid.has_free_mean and C.all():
             return np.inf
         case: Any = {"element": grid.element, "material": grid.material, "periodic": repeats}
@@ -71,7 +71,7 @@ def interfacial_stiffness(pressed: NormalResult) -> tuple[float, float, float]:
     bears = C if pressed.plastic is None else C & (pressed.plastic == 0.0)
     pairs = [(find_stiffness(grid, bears), find_stiffness(grid, nominal))]
     pairs += [(hold(C, axis), hold(nominal, axis)) for axis in range(2)]
-    # Compliances of the interface, over its area: rounding may make them negative.
+    # Compliances of the interface per area, 1/k; rounding may make the differences negative.
     area = grid.area * np.count_nonzero(nominal)
     softness = [area * max(1.0 / K - 1.0 / whole, 0.0) if K else np.inf for K, whole in pairs]
     k, kx, ky = (float(1.0 / x) if x else np.inf for x in softness)

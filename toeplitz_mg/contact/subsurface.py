@@ -1,4 +1,4 @@
-"""Stresses below the surface of two bodies in contact, from the tractions that were found."""
+"""Stresses below the surface of two bodies in contact, computed from the tractions."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -32,39 +32,39 @@ from toeplitz_mg.values import field
 
 BODIES = ("first", "second")
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
-# What `plot` draws, and what it calls it.
+# The stresses that `plot` draws, and their labels.
 SHOWN = {"von_mises": "von Mises", "max_shear": "largest shear"} | {c: c for c in COMPONENTS}
 
 
 def _component(k: int, doc: str) -> property:
-    """Return a property that is one of the components."""
+    """Return a property for one of the components."""
     return property(lambda stresses: stresses.components[k], doc=doc)
 
 
 @files.loadable
 @dataclass(frozen=True, eq=False, repr=False)
 class Stresses(Result):
-    """The stresses in one body at some depths below the elements of a grid.
+    """Stresses in one body, at given depths below the elements of a grid.
 
-    z is the depth in this body, x and y are those of the surface; tension is positive. Fields have
-    the depths first, and then the shape of the grid.
+    z is the depth in this body; x and y are along the surface. Tension is positive. Fields have the
+    depths on the first axis, followed by the shape of the grid.
 
     Attributes
     ----------
     body : str
         "first" or "second".
     depths : ndarray of shape (d,)
-        Below the surface, mm.
+        Depths below the surface, mm.
     centres : tuple of ndarray
-        The centres of the elements along each axis, mm.
+        Coordinates of the element centres along each axis, mm.
     components : ndarray of shape (6, d, n1, n2) or (6, d, n)
         The stresses xx, yy, zz, yz, xz and xy, N/mm².
     contact : ndarray of bool, or None
-        Where the bodies touch; None where that is not known.
+        Elements in contact; None if unknown.
 
     See Also
     --------
-    subsurface_stresses : finds them.
+    subsurface_stresses : returns it.
     """
 
     body: str
@@ -92,21 +92,21 @@ class Stresses(Result):
 
     @property
     def von_mises(self) -> Array:
-        """The stress of von Mises, N/mm²: it yields where that is the yield stress."""
+        """The von Mises stress, N/mm²; the body yields where it reaches the yield stress."""
         return np.sqrt(3.0 * _by_depth(_second_invariant, self.components))
 
     @property
     def max_shear(self) -> Array:
         """The largest shear stress, N/mm²: half the difference of the principal stresses.
 
-        It yields by Tresca where that is half the yield stress. The relative error is up to 1e-8
-        where two principal stresses are the same.
+        By Tresca's criterion the body yields where it reaches half the yield stress. The relative
+        error is up to 1e-8 where two principal stresses coincide.
         """
         return _by_depth(_largest_shear, self.components)
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of the attributes, by their names."""
+        """The units of the attributes by name."""
         return name_units(self)
 
     def fields(self) -> Iterator[tuple[str, Array]]:
@@ -131,16 +131,16 @@ class Stresses(Result):
     to_vtk = files.stresses_to_vtk
 
     def plot(self, field: str = "von_mises", ax: Any = None) -> Any:
-        """Draw a stress along x and over the depth: of a surface, under the y of its largest value.
+        """Plot a stress over x and depth, for a surface in the plane of its largest value.
 
-        The contact, and the place of the largest value, are marked.
+        The contact and the position of the largest value are marked.
 
         Parameters
         ----------
         field : str
-            "von_mises", "max_shear", or a component as "xz".
+            "von_mises", "max_shear", or a component such as "xz".
         ax : matplotlib.axes.Axes, optional
-            Where to draw, as beside other results; by default on a new figure.
+            Axes to draw in; by default those of a new figure.
 
         Returns
         -------
@@ -149,16 +149,17 @@ class Stresses(Result):
         Raises
         ------
         ValueError
-            Where there is no such stress, or depths are fewer than two or not in order.
+            If there is no such stress, or there are fewer than two depths, or they are not
+            increasing.
         """
-        if field not in [*SHOWN]:  # A list has no hash, but is refused as any other.
+        if field not in [*SHOWN]:  # A list, as unhashable values are refused too.
             raise ValueError(f"field is {field!r}, but must be one of {', '.join(SHOWN)}")
         if len(self.depths) < 2 or not (np.diff(self.depths) > 0.0).all():
             raise ValueError(f"depths is {self.depths}, but must be two or more that increase")
         return pictures.draw_section(self, field, SHOWN[field], ax)
 
     def __repr__(self) -> str:
-        """Return what these are in one line."""
+        """Return the title in one line."""
         return f"<Stresses: {self._title}>"
 
     def _summary(self) -> Summary:
@@ -183,51 +184,51 @@ class Stresses(Result):
 def subsurface_stresses(
     *results: ContactResult | FrictionalResult, depths: ArrayLike, body: str = "first"
 ) -> Stresses:
-    """Return the stresses in a body below the contact, by pressures and tangential tractions.
+    """Return the stresses in a body below the contact, from pressures and tangential tractions.
 
     Parameters
     ----------
     results : NormalResult, TangentialResult or FrictionalResult
-        One of either of the first two kinds, or both, of the same bodies on the same grid: their
-        stresses add up. The third has both.
+        One result of the first two kinds, or one of each for the same bodies on the same grid:
+        their stresses add up. A `FrictionalResult` has both.
     depths : array_like of shape (d,), or float
-        At least zero, mm.
+        Depths below the surface, at least zero, mm.
     body : str
-        "first", which a positive shift or force drags along x and y, or "second", on which the
-        tangential tractions act the other way round. Each has its own Poisson's ratio; of a rigid
-        body the stresses are not determined.
+        "first", the body that a positive shift or force drags along x and y, or "second", on which
+        the tangential tractions act in the opposite direction. Each has its own Poisson's ratio.
+        The stresses in a rigid body are undetermined.
 
     Returns
     -------
     Stresses
-        The six components below the centre of each element, at each depth, with `von_mises` and
+        The six components below the centre of each element at each depth, with `von_mises` and
         `max_shear`.
 
     Warns
     -----
     ContactWarning
-        Where there are tangential tractions without a pressure: the two results do not belong
-        together.
+        If there are tangential tractions where the pressure is zero, so that the results do not
+        belong together.
 
     Raises
     ------
     ValueError
-        For results on different grids or of different materials, two of one kind, or of materials
-        whose bodies are not known; of surfaces that are periodic; for depths that are negative or
-        not finite; for a rigid body.
+        If the results are on different grids or for different materials, are of the same kind, or
+        have materials whose bodies are unknown; if the surface is periodic; if depths are negative
+        or not finite; if the body is rigid.
     TypeError
-        For what is no result.
+        If an argument is not a result.
 
     See Also
     --------
-    toeplitz_mg.halfspace.stresses_z, toeplitz_mg.halfspace.stresses_x : of one element.
+    toeplitz_mg.halfspace.stresses_z, toeplitz_mg.halfspace.stresses_x : for one element.
 
     Notes
     -----
-    The tractions are constant in each element, and half-spaces end nowhere. Each depth takes one
-    product with a Toeplitz matrix for each component of the stresses, and of the tractions. Depths
-    come one after the other: beyond the result, of 6 d n1 n2 numbers, the memory is that of one
-    depth, some 40 n1 n2 numbers. One call for each depth saves the rest.
+    The tractions are constant in each element, and the bodies are half-spaces. Each depth needs one
+    Toeplitz product for each component of the stresses and of the tractions. Depths are computed
+    one after the other: in addition to the result of 6 d n1 n2 numbers, memory for some 40 n1 n2
+    numbers is needed. To save memory for the result, call the function for one depth at a time.
 
     References
     ----------
@@ -236,7 +237,7 @@ def subsurface_stresses(
 
     Examples
     --------
-    Below a sphere, ν = 0.3, the largest shear stress is 0.31 p₀, at a depth of 0.48 a.
+    Below a sphere with ν = 0.3 the largest shear stress is 0.31 p₀, at a depth of 0.48 a.
 
     >>> import numpy as np
     >>> from toeplitz_mg import contact
@@ -271,14 +272,14 @@ def subsurface_stresses(
 
 
 def _parts(result: Any) -> tuple[Any, ...]:
-    """Return the normal and the tangential result of bodies pressed together with friction."""
+    """Return the normal and tangential results of a `FrictionalResult`, or the result itself."""
     if isinstance(result, FrictionalResult):
         return result.normal, result.tangential
     return (result,)
 
 
 def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
-    """Return one of the results, whose grid and material are those of all."""
+    """Return one of the results after checking that they share the grid and the material."""
     for result in results:
         if not isinstance(result, NormalResult | TangentialResult):
             raise TypeError(
@@ -309,7 +310,7 @@ def _check_results(results: tuple[ContactResult, ...]) -> ContactResult:
 
 
 def _doubt(results: tuple[ContactResult, ...]) -> None:
-    """Warn of tangential tractions where another result has no pressure."""
+    """Warn of tangential tractions where the pressure is zero."""
     pressed = [r.pressure > 0.0 for r in results if isinstance(r, NormalResult)]
     shifted = [r.traction for r in results if isinstance(r, TangentialResult)]
     for contact, traction in zip(pressed, shifted, strict=False):
@@ -340,7 +341,7 @@ def _find_ratio(material: CombinedMaterial, body: str) -> float:
 
 
 def _tractions(results: tuple[ContactResult, ...], sign: float) -> Iterator[tuple[str, Array]]:
-    """Yield the directions of the tractions on a body, and these; a pressure is one along z."""
+    """Yield the traction components on a body with their directions; pressure acts along z."""
     for result in results:
         if isinstance(result, NormalResult):
             yield "z", result.pressure
@@ -352,7 +353,7 @@ def _tractions(results: tuple[ContactResult, ...], sign: float) -> Iterator[tupl
 
 
 def _by_depth(function: Callable[..., Array], components: Array) -> Array:
-    """Return a function of the stresses, by pieces of each depth."""
+    """Return a function of the stresses, evaluated depth by depth."""
     out = np.empty(components.shape[1:])
     for k in range(len(out)):
         elementwise(function, *components[:, k], out=out[k])
@@ -360,7 +361,7 @@ def _by_depth(function: Callable[..., Array], components: Array) -> Array:
 
 
 def _second_invariant(xx: Array, yy: Array, zz: Array, yz: Array, xz: Array, xy: Array) -> Array:
-    """Return half the square of the deviator."""
+    """Return the second invariant J₂ of the deviator."""
     normal: Array = ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 6.0
     return normal + yz**2 + xz**2 + xy**2
 

@@ -1,4 +1,4 @@
-"""Surfaces to press on a flat: the gap between the bodies before they touch, on a grid."""
+"""Gaps between a surface and a flat on a grid, before loading."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,14 +32,14 @@ def __dir__() -> list[str]:
 
 
 def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]:
-    """Return the coordinates of the centres of the elements, zero in the middle of the grid.
+    """Return the coordinates of the element centres; zero is the middle of the grid.
 
     Parameters
     ----------
     shape : int or (int,) or (int, int)
-        Elements along x, or along x and y.
+        Number of elements along x, or along x and y.
     element : float or (float, float)
-        Their size, mm.
+        Element size, mm.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]
     Raises
     ------
     ValueError, TypeError
-        For numbers of elements that are not at least 1, or sizes that are not positive.
+        If numbers of elements are not integers of at least 1, or sizes are not positive.
 
     See Also
     --------
@@ -66,14 +66,14 @@ def centres(shape: int | tuple[int, ...], element: Element) -> tuple[Array, ...]
 
 
 def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: float) -> Array:
-    """Return the gap between a sphere and a flat, a paraboloid as in Hertz's theory.
+    """Return the gap between a sphere and a flat: a paraboloid, as in Hertz's theory.
 
     Parameters
     ----------
     shape, element
-        The grid, as in `centres`, of two axes.
+        The grid, as in `centres`, with two axes.
     radius : float
-        mm. Of two spheres: 1/(1/R₁ + 1/R₂).
+        mm. For two spheres 1/(1/R₁ + 1/R₂).
 
     Returns
     -------
@@ -83,11 +83,11 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
     Raises
     ------
     ValueError, TypeError
-        For a grid that is none of `centres`, or a radius that is not positive and finite.
+        If the grid is invalid, or the radius is not positive and finite.
 
     See Also
     --------
-    ellipsoid : of two radii of curvature, or of two bodies.
+    ellipsoid : for two radii of curvature, or two bodies.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -101,16 +101,15 @@ def sphere(shape: tuple[int, int], element: tuple[float, float], *, radius: floa
 
 
 def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: ArrayLike) -> Array:
-    """Return the gap between an ellipsoid and a flat, or of two bodies, to second order.
+    """Return the gap between an ellipsoid and a flat, or two bodies, to second order.
 
     Parameters
     ----------
     shape, element
-        The grid, as in `centres`, of two axes.
+        The grid, as in `centres`, with two axes.
     radii : (float, float), or a pair of them
-        Radii of curvature in the planes of x and of y, mm; or those of both bodies, whose
-        curvatures 1/R add up. One is infinite where a body is straight, and negative where it is
-        concave.
+        Radii of curvature in the planes of x and y, mm; or a pair for each body, whose curvatures
+        1/R add up. A radius is infinite where a body is straight, and negative where it is concave.
 
     Returns
     -------
@@ -120,11 +119,11 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
     Raises
     ------
     ValueError, TypeError
-        For a grid that is none of `centres`, or radii that are zero, or not one or two pairs.
+        If the grid is invalid, or radii are zero, or not one or two pairs.
 
     See Also
     --------
-    sphere : of one radius.
+    sphere : for a single radius.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -133,7 +132,7 @@ def ellipsoid(shape: tuple[int, int], element: tuple[float, float], *, radii: Ar
     >>> surfaces.ellipsoid((2, 1), (2.0, 2.0), radii=(50.0, 500.0)).ravel()
     array([0.01, 0.01])
 
-    A wheel of radius 460 mm, hollow across, on a rail that is rounded across: 1/300 - 1/330.
+    A wheel of radius 460 mm with a hollow profile on a rail with a round one: 1/300 - 1/330.
 
     >>> surfaces.ellipsoid((1, 2), (2.0, 2.0), radii=((460.0, -330.0), (np.inf, 300.0))).ravel()
     array([0.00015152, 0.00015152])
@@ -153,7 +152,7 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     shape, element
         The grid, as in `centres`.
     radius : float
-        mm. Of two cylinders: 1/(1/R₁ + 1/R₂).
+        mm. For two cylinders 1/(1/R₁ + 1/R₂).
 
     Returns
     -------
@@ -163,11 +162,11 @@ def cylinder(shape: int | tuple[int, ...], element: Element, *, radius: float) -
     Raises
     ------
     ValueError, TypeError
-        For a grid that is none of `centres`, or a radius that is not positive and finite.
+        If the grid is invalid, or the radius is not positive and finite.
 
     See Also
     --------
-    sphere : of a curvature along y too.
+    sphere : curved along y too.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -191,22 +190,22 @@ def wavy(
     amplitude : float
         From the mean to a crest, mm.
     wavelength : float
-        mm, along each axis.
+        mm, the same along each axis.
 
     Returns
     -------
     ndarray of the shape given
-        mm, with a crest, where the gap is zero, in the middle of the grid.
+        mm. The crest, where the gap is zero, is in the middle of the grid.
 
     Raises
     ------
     ValueError, TypeError
-        For a grid that is none of `centres`, or lengths that are not positive and finite.
+        If the grid is invalid, or lengths are not positive and finite.
 
     See Also
     --------
-    rough : of waves of many lengths.
-    centres : where the elements are.
+    rough : a random surface with many wavelengths.
+    centres : the coordinates of the elements.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -242,12 +241,11 @@ def rough(
     hurst : float
         Hurst's exponent, in (0, 1].
     longest, shortest : float, optional
-        Wavelengths between which there are waves, mm. By default a quarter of the longer side of
-        the grid, or with a roll-off all of it, and four elements.
+        Limits of the wavelengths, mm. By default the shortest is four elements; the longest is a
+        quarter of the longer side of the grid, or with a roll-off all of it.
     roll_off : float, optional
-        The wavelength from which on the spectral density of longer waves is constant, mm, by
-        default the longest. That of shorter ones falls as k^(-2(1 + H)), in line contact as
-        k^(-1 - 2H).
+        Wavelength above which the spectral density is constant, mm; by default the longest. For
+        shorter wavelengths it falls as k^(-2(1 + H)), in line contact as k^(-1 - 2H).
     seed : int or numpy.random.Generator
 
     Returns
@@ -258,13 +256,13 @@ def rough(
     Raises
     ------
     ValueError, TypeError
-        For a grid that is none of `centres`, an exponent outside (0, 1], lengths that are not
-        positive and finite, wavelengths that the grid does not have, or what is no seed.
+        If the grid is invalid, the exponent is outside (0, 1], lengths are not positive and finite,
+        the grid cannot represent the wavelengths, or the seed is invalid.
 
     See Also
     --------
-    wavy : of one wavelength.
-    centres : where the elements are.
+    wavy : a single wavelength.
+    centres : the coordinates of the elements.
     toeplitz_mg.contact.normal_contact : presses it.
 
     Examples
@@ -305,7 +303,7 @@ def rough(
 
 
 def _length(name: str, value: float) -> float:
-    """Return a length, mm, that is positive, and whose powers can be represented."""
+    """Return a positive length, mm, whose powers do not over- or underflow."""
     length = positive(name, value, "mm")
     in_range(name, length)
     return length

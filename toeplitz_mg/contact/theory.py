@@ -1,4 +1,4 @@
-"""Hertz's theory, in closed form: a reference for what is computed on a grid."""
+"""Hertz's theory in closed form, as a reference for results on a grid."""
 
 import math
 from dataclasses import dataclass
@@ -13,29 +13,29 @@ from toeplitz_mg.contact.results.quantities import units_of
 from toeplitz_mg.halfspace.materials import Bodies, combine
 from toeplitz_mg.values import field, fields, finite, in_range, positive
 
-FLATTEST = 1e4  # Ratio of two radii of curvature up to which the equation of the axes is solved.
+FLATTEST = 1e4  # Largest ratio of the radii of curvature for which the half axes are found.
 
 
 @dataclass(frozen=True)
 class HertzContact(Described):
-    """The contact of an ellipsoid or a cylinder with a flat, by Hertz's theory.
+    """Contact of an ellipsoid or a cylinder with a flat by Hertz's theory.
 
     Attributes
     ----------
     half_axes : (float, float)
-        Half axes of the contact along x and y, mm; infinite along a cylinder.
+        Half axes of the contact along x and y, mm; infinite along the axis of a cylinder.
     force : float
-        The force that presses, N; of a cylinder N per mm of length.
+        Normal force, N; for a cylinder N per mm of length.
     max_pressure : float
-        The largest pressure, in the middle, N/mm².
+        The largest pressure, which is in the middle, N/mm².
     approach : float or None
         The approach of the bodies, mm; None for a cylinder without a reference.
     stiffness : float or None
-        The change of the force by that of the approach, N/mm; of a cylinder N/mm², or None.
+        dF/dδ, N/mm; for a cylinder N/mm², or None without a reference.
 
     See Also
     --------
-    hertz : finds it.
+    hertz : returns it.
     """
 
     half_axes: tuple[float, float]
@@ -46,7 +46,7 @@ class HertzContact(Described):
 
     @property
     def area(self) -> float:
-        """The area of contact, mm²; of a cylinder its width, mm."""
+        """The area of contact, mm²; for a cylinder its width, mm."""
         a, b = self.half_axes
         return 2.0 * min(a, b) if math.isinf(max(a, b)) else math.pi * a * b
 
@@ -61,16 +61,16 @@ class HertzContact(Described):
         Parameters
         ----------
         x, y : array_like
-            Distances from the middle of the contact, mm, that broadcast with each other.
+            Distances from the middle of the contact, mm; they are broadcast against each other.
 
         Returns
         -------
-        ndarray of float64, of the shape that `x` and `y` broadcast to
+        ndarray of float64, of the broadcast shape of `x` and `y`
 
         Raises
         ------
         ValueError, TypeError
-            For distances that are not numbers, or shapes that do not broadcast.
+            If distances are not numbers, or the shapes do not broadcast.
 
         Examples
         --------
@@ -89,7 +89,7 @@ class HertzContact(Described):
 
     def _summary(self) -> Summary:
         axes = [a for a in self.half_axes if math.isfinite(a)]
-        units = units_of(axes)  # Line contact is in plane strain.
+        units = units_of(axes)  # A cylinder is in plane strain.
         kind, name = ("line", "half width") if len(axes) == 1 else ("point", "half axes")
         figures = [
             Figure("force", self.force, units["force"]),
@@ -117,19 +117,18 @@ def hertz(
     Parameters
     ----------
     radii : float or (float, float), or a pair of these
-        The radius of a sphere, mm; or the radii of curvature (Rx, Ry) of one body in the planes of
-        x and of y, of which one may be infinite: a cylinder, in line contact. Or those of both
-        bodies, negative where one is concave: their curvatures 1/R add up. So two spheres are
-        ``((R1, R1), (R2, R2))``.
+        Radius of a sphere, mm; or the radii of curvature (Rx, Ry) in the planes of x and y. One may
+        be infinite, for a cylinder in line contact. For two curved bodies give a pair for each, as
+        in ``((R1, R1), (R2, R2))`` for spheres. Radii are negative where a body is concave.
     material : Material or (Material, Material)
-        Of both bodies, or of the first and the second (see `contact.Material`).
+        One material for both bodies, or the first and the second (see `contact.Material`).
     force : float
-        The force that presses, N; of a cylinder N per mm of length. Without one nothing touches.
+        Normal force, N; for a cylinder N per mm of length. With zero force nothing touches.
     approach : float
-        The approach of the bodies, mm. Either this or the force is given; of a cylinder the force.
+        Approach of the bodies, mm. Give either this or the force; for a cylinder the force.
     reference : float, optional
-        Of a cylinder, the distance at which a line load moves nothing, mm, as in `normal_contact`:
-        without it the approach is open.
+        For a cylinder, the distance at which a line load causes no displacement, mm, as in
+        `normal_contact`. Without it the approach is None.
 
     Returns
     -------
@@ -138,23 +137,23 @@ def hertz(
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense; and for radii of which one is 10,000 times the other and
-        not infinite, or whose curvatures add up to a hollow.
+        If the input is invalid; if one radius is more than 10,000 times the other, but finite; or
+        if the curvatures do not add up to a convex shape.
 
     See Also
     --------
     normal_contact : for any shape, on a grid.
-    surfaces.ellipsoid, surfaces.cylinder : the gap that belongs to it.
+    surfaces.ellipsoid, surfaces.cylinder : the gap for these radii.
 
     References
     ----------
-    K. L. Johnson, Contact Mechanics (1985), §4.2. The elliptic integrals are Carlson's, which are
-    exact for circles too.
+    K. L. Johnson, Contact Mechanics (1985), §4.2. The elliptic integrals are computed in Carlson's
+    form, which is exact for circles too.
 
     Examples
     --------
-    A steel ball of 10 mm on a steel plate; a wheel of 460 mm, hollow across by 330 mm, on a rail
-    of 300 mm; a roller.
+    A steel ball of 10 mm on a steel plate; a wheel of 460 mm with a hollow profile of 330 mm on a
+    rail of 300 mm; a roller.
 
     >>> from toeplitz_mg import contact
     >>> steel = contact.Material(E=210000.0, nu=0.3)
@@ -201,7 +200,7 @@ def hertz(
 
 
 def add_curvatures(radii: ArrayLike) -> tuple[float, float]:
-    """Return the curvatures along x and y, of one body or the sum of both, 1/mm."""
+    """Return the curvatures along x and y, 1/mm; those of two bodies are added."""
     R = field("radii", radii, "mm")
     if R.shape not in ((2,), (2, 2)):
         raise ValueError(f"radii is {radii!r}, but must be (R1, R2), or a pair of them")
@@ -213,7 +212,7 @@ def add_curvatures(radii: ArrayLike) -> tuple[float, float]:
 
 def _check_radii(radii: ArrayLike) -> tuple[float, float]:
     one = field("radii", radii, "mm")
-    if one.ndim == 0:  # It is that of a sphere.
+    if one.ndim == 0:  # The radius of a sphere.
         radii = [positive("radii", float(one))] * 2
     k = add_curvatures(radii)
     if not min(k) >= 0.0 < max(k):
@@ -259,7 +258,7 @@ def _press_ellipsoid(
     R1, R2 = max(radii), min(radii)
     ratio = 1.0
     if R1 > R2:
-        from scipy.optimize import brentq  # It is slow to import.
+        from scipy.optimize import brentq  # Slow to import.
 
         ratio = brentq(lambda k: _radii(k) - R1 / R2, 1.0 / FLATTEST, 1.0, xtol=1e-15)
     K, D = _integrals(ratio)
@@ -273,16 +272,16 @@ def _press_ellipsoid(
         largest = approach * modulus / (ratio * a * K)
         force = 2.0 / 3.0 * math.pi * ratio * a**2 * largest
     axes = (a, ratio * a) if radii[0] >= radii[1] else (ratio * a, a)
-    # The force is in proportion to the approach to the power of 3/2.
+    # The force is proportional to the approach to the power 3/2.
     return HertzContact(axes, force, largest, approach, 1.5 * force / approach)
 
 
 def _integrals(ratio: float) -> tuple[float, float]:
-    """Return the elliptic integrals K and D = (K - E)/e², by the ratio of the half axes."""
+    """Return the elliptic integrals K and D = (K - E)/e² for a ratio of the half axes."""
     return float(elliprf(0.0, ratio**2, 1.0)), float(elliprd(0.0, ratio**2, 1.0)) / 3.0
 
 
 def _radii(ratio: float) -> float:
-    """Return the ratio of the radii of curvature, by that of the half axes."""
+    """Return the ratio of the radii of curvature for a ratio of the half axes."""
     K, D = _integrals(ratio)
     return (K - D) / (ratio**2 * D)

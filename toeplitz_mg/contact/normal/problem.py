@@ -1,10 +1,9 @@
-"""Normal contact: pressures and the area of contact of two half-spaces that are pressed together.
+"""Normal contact: pressures and the area of contact of two half-spaces pressed together.
 
 The pressures p and the gap w = A p + z - δ (Eq. 6-7) are complementary:
-
     in contact  w = 0, p ≥ 0;        elsewhere  w ≥ 0, p = 0.
 
-The elements in contact are found by `search`, from a first guess that `starts` has.
+`search` finds the elements in contact, starting from a guess by `starts`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -42,10 +41,10 @@ from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.values import field, refuse_masked
 
-# Of the stiffness, whose error is about the square of the residual; most iterations, after which
-# rounding keeps them from the rest.
+# For the stiffness, whose error is about the square of the residual. The limit of iterations ends
+# the solution once rounding prevents a smaller residual.
 ACCURATE: dict[str, Any] = {"rtol": 1e-4, "maxiter": 200}
-LEAP = 2.0  # Factor between two loads from which the pressures of one are no guess of the other.
+LEAP = 2.0  # If loads differ by this factor, one's pressures are no initial guess for the other.
 
 
 def normal_contact(
@@ -67,64 +66,64 @@ def normal_contact(
     max_products: int = 2000,
     progress: Progress | None = None,
 ) -> NormalResult:
-    """Press two bodies together: pressures, area of contact, force and approach.
+    """Press two bodies together: find the pressures, contact area, force and approach.
 
     Parameters
     ----------
     gap : array_like of shape (n1, n2) or (n,)
-        Between the bodies before they touch, at the centres of the elements, mm; up to a
-        constant, that adds to the approach. It is infinite where there is no material. One axis is
-        line contact. See `surfaces`. It may be an array of another library, as on a GPU (see the
-        notes).
+        Gap between the bodies before loading, at the element centres, mm. A constant added to it
+        adds to the approach. It is infinite where there is no material. One axis is line contact.
+        See `surfaces`. Arrays of other libraries, for example on a GPU, are accepted too (see
+        Notes).
     element : (float, float) or float
-        Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
-        or the width alone: plane strain, with forces per mm of length.
+        Size (h1, h2) of an element, mm. In line contact, the width and the length of the strips, or
+        only the width: then plane strain is assumed, with forces per mm of length.
     material : Material or (Material, Material)
-        Of both bodies, or of the first and the second (see `contact.Material`).
+        One material for both bodies, or the first and the second (see `contact.Material`).
     heights : array_like, masked array, or what `surfaces.read` returns
-        In the place of the gap: the heights of a surface on a flat, positive at summits, whose gap
-        is zero at the highest one. Those that are missing, NaN or masked, are no material. They may
-        be of another library, too. Those of a file, and a topography of SurfaceTopography, also say
-        element, unit and periodicity. Of an array of xarray, as of the gap, axes are those that are
-        named x and y, and the element is what the coordinates say.
+        Surface heights, instead of the gap: positive at summits, pressed on a flat, with zero gap
+        at the highest point. Missing heights (NaN or masked) are no material. Arrays of other
+        libraries are accepted too. A file or a topography of SurfaceTopography also provides the
+        element, unit and periodicity. For arrays of xarray (heights or gap), the axes are the
+        dimensions named x and y, and the element follows from the coordinates.
     unit : str or (str, str), optional
-        The unit of gap or heights, and element, or one of each, as ("nm", "um"): "m", "mm", "um",
-        "nm", ... Loads and results are in N and mm. By default mm, or what the heights say.
+        Unit of the gap or heights and of the element, or one each, as in ("nm", "um"): "m", "mm",
+        "um", "nm", ... By default mm, or the unit that comes with the heights. Loads and results
+        are always in N and mm.
     approach : float
-        The approach of the bodies, from where the gap is given, mm.
+        Approach of the bodies, mm, measured from the given gap.
     force : float
-        The force that presses, N; in plane strain N/mm. One of force, approach and pressure is
-        given. No force leaves the bodies where they first touch.
+        Normal force, N; in plane strain N/mm. Give one of force, approach and pressure. With zero
+        force, the bodies just touch.
     pressure : float
-        The mean pressure on the grid, N/mm²: the force over its area, that of one period.
+        Mean pressure, N/mm²: the force divided by the area of the grid, or of one period.
     previous : NormalResult, optional
-        A result under another load, or of a gap that is alike, on the same grid: what it is near
-        to takes fewer products. It is a guess, no history: what has yielded (`hardness`) is taken
-        over by a gap to which its `plastic` is added. See `load_curve`.
+        A result for another load or a similar gap on the same grid, used as initial guess. The
+        closer it is, the fewer products are needed. The answer does not depend on it: to continue
+        from a plastic state (`hardness`), add its `plastic` to the gap. See `load_curve`.
     reference : float, optional
-        In plane strain, and on a surface that repeats along one of two axes, the distance at which
-        a line load moves nothing, mm: it decides what approach belongs to a force. By default the
-        length of the grid across such a load.
+        In plane strain, or on a surface that repeats along one of two axes, the distance at which a
+        line load causes no displacement, mm. It determines the approach for a given force. By
+        default the length of the grid across the line load.
     periodic : bool or (bool, bool)
-        Whether the surfaces, and the pressures, repeat for ever, with the grid for a period, along
-        all axes or along each of them. The force is that of one period. Where they repeat along
-        all axes, displacements are those from their mean, so that the mean gap under load is that
-        before, less the approach; an approach must leave some. By default False, or what a
-        topography says.
+        Whether the surfaces and pressures repeat periodically beyond the grid, along all axes or
+        along each. The force is that of one period. If they repeat along all axes, displacements
+        are relative to their mean, so the mean gap under load is the mean gap before minus the
+        approach; an approach must leave it positive. By default False, or as the topography says.
     hardness : float, optional
-        The largest pressure that the softer body bears, N/mm²: an element yields where it would
-        be higher, and is pressed in by the depth `plastic` of the result, which is to be added to
-        the gap before another load (`load_curve` does). By default none does.
+        The largest pressure that the softer body bears, N/mm². Elements with a higher pressure
+        yield by the depth `plastic` of the result. Add it to the gap before applying another load,
+        as `load_curve` does. By default no element yields.
     tolerance : float
-        The error that is allowed, relative to the largest interference: the gap in contact, and
-        the depth of penetration elsewhere. Pressures are never negative.
+        Allowed error of the gap in contact, and of the penetration elsewhere, relative to the
+        largest interference. Pressures are never negative.
     nested : bool
-        Whether the first guess comes from coarser grids.
+        Whether to compute the initial guess on coarser grids.
     max_products : int
-        More products with the matrix than that are taken for a failure.
+        Limit of matrix-vector products; beyond it the search fails with a `ContactError`.
     progress : callable, optional
-        Called as ``progress(products, residual)`` after each product, with the violation of the
-        last area; on coarser grids, where the first guess comes from, with 0 products.
+        Called as ``progress(products, residual)`` after each product, with the violation for the
+        last area; while the initial guess is computed on coarser grids, with 0 products.
 
     Returns
     -------
@@ -133,46 +132,45 @@ def normal_contact(
     Warns
     -----
     ContactWarning
-        Where the answer may not be of the problem that was meant: a contact of which more than 5 %
-        of the load is at the edge of the grid, or whose largest spot is less than 10 elements
-        across, unless it is one of many, a mean pressure above E/10, slopes above 1,
-        a gap that varies by more than the length of the grid, or whose sign seems to be reversed.
-        `NormalResult.warnings` lists them.
+        If the input looks wrong: more than 5 % of the load is at the edge of the grid; the largest
+        spot is less than 10 elements across, unless it is one of many; the mean pressure exceeds
+        E/10; slopes exceed 1; the gap varies by more than the length of the grid, or its sign seems
+        to be reversed. `NormalResult.warnings` lists all warnings.
 
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work.
+        If the input is invalid. It is checked before any work.
     ContactError
-        Where the tolerance is not reached: it says what is violated.
+        If the iteration does not converge. The message names the violated condition.
 
     See Also
     --------
-    toeplitz_mg.contact.surfaces.rough : a gap to press.
-    friction : shifts the bodies then.
-    rolling : rolls them.
-    subsurface_stresses : the stresses below.
-    hertz : theory, for smooth bodies.
+    toeplitz_mg.contact.surfaces.rough : generates a rough surface.
+    friction : shifts the bodies tangentially.
+    rolling : rolls the bodies on each other.
+    subsurface_stresses : the stresses below the surface.
+    hertz : the closed-form theory for smooth bodies.
 
     Notes
     -----
-    The bodies end where the grid ends. So a punch with sharp edges is a gap that is flat, or
-    inclined, along an axis, and touches at both ends of it without a warning. Any other gap, round
-    or rough, is taken for a part of a larger surface, and should not touch there.
+    The bodies end at the edge of the grid. A punch with sharp edges is a gap that is flat or
+    inclined along an axis; it may touch both ends without a warning. Any other gap, round or rough,
+    is considered part of a larger surface, which should not touch there.
 
-    Along an axis that repeats the discrete kernel is the continuous symbol 2/(E*|q|) at the
-    wavenumbers q of the grid, as `tamaas` and `aspher` have it. Where only one of two axes
-    repeats, the images of an element have no finite sum, and `reference` decides on the constant
-    (see `halfspace.periodic`).
+    Along a periodic axis the discrete kernel is the continuous symbol 2/(E*|q|) at the wavenumbers
+    q of the grid, as in `tamaas` and `aspher`. If only one of two axes is periodic, the sum over
+    the images of an element diverges, and `reference` determines the constant (see
+    `halfspace.periodic`).
 
-    The search is made on the arrays of the gap: those of CuPy, torch, JAX, or another library of
-    the array API standard, too, by the extra `arrays`, if the surface does not repeat. The fields
-    of the result are NumPy's in any case. In an iteration a few numbers go to the memory of the
-    processor, and no field.
+    If the surface is not periodic, the gap may be an array of CuPy, torch, JAX or another library
+    of the array API standard (extra `arrays`). The search then runs on that library's device, and
+    only a few numbers per iteration are copied to the host. The fields of the result are NumPy
+    arrays.
 
     Examples
     --------
-    Hertz: a steel sphere of 10 mm on a steel plate.
+    Hertz: a steel sphere of radius 10 mm on a steel plate.
 
     >>> from toeplitz_mg.contact import Material, normal_contact, surfaces
     >>> steel = Material(E=210000.0, nu=0.28)  # N/mm²
@@ -199,7 +197,7 @@ def normal_contact(
 
 
 def _check_library(library: Library, name: str, surface: Any, grid: Grid) -> None:
-    """Refuse arrays of a library on which the search cannot be made."""
+    """Raise an error for arrays of a library that does not support the search."""
     if any(grid.periodic):
         refuse_masked(name, surface)
     library.require(f"the search with {name}", np.float64)
@@ -207,7 +205,7 @@ def _check_library(library: Library, name: str, surface: Any, grid: Grid) -> Non
 
 @dataclass(frozen=True)
 class Pressed:
-    """Arguments of `normal_contact`, checked; see there."""
+    """The checked arguments of `normal_contact`."""
 
     approach: float | None
     force: float | None
@@ -230,9 +228,9 @@ class Pressed:
         previous: Sequence[NormalResult] = (),
         hardness: float | None = None,
     ) -> Self:
-        """Return the arguments for the gap `z`, or say what is wrong with them.
+        """Return the checked arguments for the gap `z`, or raise an error.
 
-        The load are an approach, a force and a mean pressure, of which one is given.
+        The load consists of approach, force and mean pressure, two of which are None.
         """
         approach, force = check_load(grid, z, *load)
         if hardness is not None:
@@ -246,9 +244,9 @@ class Pressed:
 def press(
     grid: Grid, z: Array, asked: Pressed, progress: Progress | None, library: Library = NUMPY
 ) -> NormalResult:
-    """Return what `normal_contact` finds for the gap `z`, converged or not.
+    """Return the result of `normal_contact` for the gap `z`, converged or not.
 
-    The search is made on arrays of a library, and all else on NumPy's.
+    The search uses arrays of the given library, everything else NumPy arrays.
     """
     force, load = asked.force, asked.approach if asked.force is None else asked.force
     assert load is not None
@@ -288,7 +286,7 @@ def make_result(
     distance: float,
     hardness: float = np.inf,
 ) -> NormalResult:
-    """Return what was found for the gap `z`, which was less by a distance."""
+    """Return the result for the gap `z`, from a search in which the gap was less by `distance`."""
     farthest = grid.vectors.max(np.where(z < np.inf, z, 0.0))
     contact = state.p > 0.0
     gap, plastic = state.u + z - state.approach, None
@@ -323,19 +321,18 @@ def make_result(
 
 
 def find_stiffness(grid: Grid, C: Array) -> float:
-    """Return dF/dδ of the elements C in contact, N/mm; in plane strain N/mm².
+    """Return dF/dδ for the elements C in contact, N/mm; in plane strain N/mm².
 
-    While these are the same, a change dδ of the approach changes the pressures by x dδ, A x = 1 on
-    them; and which they are changes the force to second order only. The function 2 Σx - x·Ax is
-    largest, and the sum of x, where A x = 1: near there its error is of second order, so that x in
-    single precision is good enough.
+    While C is constant, a change dδ of the approach changes the pressures by x dδ, where A x = 1 on
+    C; changes of C affect the force to second order only. The function 2 Σx - x·Ax has its maximum
+    Σx at A x = 1, so its error is of second order and single precision is sufficient for x.
     """
     vectors = grid.vectors
     touching = vectors.count(C)
     if not touching:
         return 0.0
     if grid.has_free_mean and touching == prod(grid.shape):
-        return np.inf  # A mean pressure moves nothing.
+        return np.inf  # Under a mean pressure the approach is constant.
     A, unit = grid.scaled_normal()
     ones = np.ones(np.count_nonzero(C), np.float32)
     M = invert_on(grid, A, C)
@@ -364,51 +361,52 @@ def load_curve(
     progress: Progress | None = None,
     keep: bool = True,
 ) -> LoadCurve:
-    """Press two bodies together under several loads, one after the other.
+    """Press two bodies together under a sequence of loads.
 
-    Each result is the first guess of the next one: from the last two the edge of the contact is
-    extrapolated. So loads of a rough surface in order take about half of the products of as many
-    calls of `normal_contact`, and the same answers come out. Where coarser grids were a better
-    guess, as of smooth bodies, the next load begins with those.
+    Each result is the initial guess for the next load; the edge of the contact is extrapolated from
+    the last two. For rough surfaces and loads in order, this takes about half the products of
+    separate calls of `normal_contact`, with the same results. If coarser grids give a better guess,
+    as for smooth bodies, they are used for the next load.
 
-    With a hardness, what has yielded stays pressed in: each load meets the gap that the loads
-    before have left, and `NormalResult.plastic` is the depth by all of them.
+    With a hardness, plastic deformation remains: each load is applied to the gap that the previous
+    loads have left, and `NormalResult.plastic` is the total depth.
 
     Parameters
     ----------
     gap, element, material, heights, unit
-        The surface and the bodies, as `normal_contact` takes them.
+        The surface and the bodies, as for `normal_contact`.
     forces : array_like of shape (k,)
-        The forces that press, N; in plane strain N/mm. Zero is no contact. They may fall again.
+        Normal forces, N; in plane strain N/mm. Zero means no contact. They may decrease again.
     approaches : array_like of shape (k,)
-        The approaches, mm. Either these or the forces are given.
+        The approaches, mm. Give either these or the forces.
     reference, periodic, hardness, tolerance, nested, max_products, progress
-        As `normal_contact` takes them, for each load.
+        As for `normal_contact`, for each load.
     keep : bool
-        Whether the curve keeps its results. Otherwise it keeps their numbers, and the memory is
-        that of a few fields for any number of loads.
+        Whether the curve keeps its results. Otherwise it keeps only their numbers, so the memory
+        does not grow with the number of loads.
 
     Returns
     -------
     LoadCurve
-        An iterator that computes the result for each load when it is asked for, with `plot`,
+        An iterator that computes the result for each load on request, with the methods `plot`,
         `to_dataframe`, `to_xarray` and `save`. `NormalResult.stiffness` is the slope of the curve.
 
     Warns
     -----
     ContactWarning
-        As `normal_contact`, for each result.
+        As for `normal_contact`, for each result.
 
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work.
+        If the input is invalid. It is checked before any work.
     ContactError
-        Where the tolerance is not reached under a load: the results before have been returned.
+        If the iteration does not converge for a load. The previous results have been returned by
+        then.
 
     See Also
     --------
-    normal_contact : under one load.
+    normal_contact : for a single load.
 
     Examples
     --------
@@ -434,7 +432,7 @@ def load_curve(
     def solve() -> Iterator[NormalResult]:
         known: tuple[NormalResult, ...] = ()
         known_load = 0.0
-        # Products of the last load that began with the results before it, and of one without.
+        # Products for the last load that started from previous results, and for one that did not.
         after, alone = 0, 0
         dents: Array = np.zeros(z.shape)
         for load in loads.tolist():
@@ -449,8 +447,8 @@ def load_curve(
                 dents = dents + result.plastic
                 result = remake(result, plastic=dents)
             yield check_converged(result, tolerance)
-            if result.products:  # Without a load there was nothing to find.
-                if len(known) != 1:  # A beginning with one result says nothing of one with two.
+            if result.products:  # Zero for an unloaded body.
+                if len(known) != 1:  # A start from one result says nothing about a start from two.
                     after, alone = (result.products, alone) if begins else (after, result.products)
                 known, known_load = (*known, result)[-2:], load
 
