@@ -72,8 +72,8 @@ class NormalResult(GridResult):
     gap : ndarray
         The gap under load, mm: at least zero, and zero in contact, within `residual` of the
         largest interference.
-    Displacement of both bodies together in the direction of the pressure, mm.
-        The displacement of both bodies together along the pressure, mm.
+    displacement : ndarray
+        Displacement of both bodies together in the direction of the pressure, mm.
     contact : ndarray of bool
         Elements in contact: where the pressure is positive.
     area : float

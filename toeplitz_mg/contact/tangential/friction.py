@@ -60,56 +60,56 @@ def friction(
     max_products: int = 2000,
     progress: Progress | None = None,
 ) -> TangentialResult:
-    """Shift two bodies in contact tangentially: tractions, slip, areas of stick and slip.
+    """Shift two bodies in contact: find tractions, slip and the areas of stick and slip.
 
     Parameters
     ----------
     pressed : NormalResult
-        The bodies that are pressed together, a result of `normal_contact`, with `mu`. Element and
-        material are taken from it.
+        A result of `normal_contact`, used with `mu`. It provides the element size and the material.
     element : (float, float) or float
-        With a traction bound, size (h1, h2) of an element, mm. In line contact the width and the
-        length of the strips, or the width alone: plane strain, with forces per mm of length.
+        Only with `bound`: size (h1, h2) of an element, mm. In line contact, the width and the
+        length of the strips, or only the width: then plane strain is assumed, with forces per mm of
+        length.
     mu : float, or array_like of shape (n1, n2) or (n,)
-        With a normal result, the coefficient of friction, of all elements or of each.
+        Coefficient of friction, used with `pressed`; one number or one per element.
     bound : array_like of shape (n1, n2) or (n,)
-        In the place of `pressed` and `mu`, the traction bound g = μ p of each element, N/mm²: zero
+        Traction bound g = μ p of each element, N/mm², instead of `pressed` and `mu`. It is zero
         outside the contact, and infinite where the bodies are bonded (μ = ∞). One axis is line
         contact.
     material : Material or (Material, Material)
-        With a traction bound, of both bodies, or of the first and the second (see
+        Only with `bound`: one material for both bodies, or the first and the second (see
         `contact.Material`).
     shift : array_like
-        Rigid shift of the bodies, since the previous tractions if there are such, mm: (δx, δy), or
-        in line contact a number, that along x. Tractions and displacements point along it. It may
-        be a field, of shape (2, n1, n2) or (n,), as for a rotation. In the paper's symbols it is
-        -w δt. In line contact shift and force may have two components too, the second along the
-        strips: then the tractions have.
+        Rigid shift of the bodies since the previous tractions, mm: (δx, δy), or in line contact a
+        number along x. Tractions and displacements have its direction. It may be a field of shape
+        (2, n1, n2) or (n,), for example for a rotation. In the paper's symbols it is -w δt. In line
+        contact, shift and force may have two components, the second along the strips; then the
+        tractions have two as well.
     force : array_like
-        Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm.
-        Either this or the shift is given; or both, the shift as a field, as of bodies that are
-        stretched from afar: then the uniform shift that belongs to the force is added. A force of
-        μ P, to 1e-9 of it, lets all slide: then the slip is against the force, as after a long way,
-        beside which what the elements do across it is nothing, and the shift that is returned is
-        the one at which the last element begins to slide so.
+        Total tangential force (Fx, Fy), N; in line contact a number, in plane strain in N/mm. Give
+        either this or the shift. If the shift is a field (bodies strained by a remote load), you
+        may give both: then the uniform shift for the force is added. A force of μ P, to within
+        1e-9, makes all elements slide. The slip then opposes the force everywhere, as after a long
+        way, and the returned shift is the one at which the last element starts to slide.
     previous : TangentialResult, optional
-        The tractions before: a result of `friction` on the same grid.
+        Result of the preceding `friction` on the same grid, whose tractions are the initial state.
     reference : float, optional
         In plane strain, and on surfaces that repeat along one of two axes, the distance at which a
-        line load moves nothing, mm; by default the length of the grid across such a load.
+        line load causes no displacement, mm; by default the length of the grid across the line
+        load.
     periodic : bool or (bool, bool), optional
-        Whether the surfaces repeat, as in `normal_contact`. That of a normal result is taken. Where
-        they repeat along all axes, displacements, and so shifts, are those from the mean.
+        Whether the surfaces repeat, as in `normal_contact`; by default as in `pressed`. If they
+        repeat along all axes, displacements and shifts are relative to the mean.
     tolerance : float
-        The slip that is allowed where the bodies stick, and the part of it that does not oppose
-        the traction where they slide, over the largest displacement. The bound holds exactly.
+        Allowed slip where the bodies stick, and allowed slip that does not oppose the traction
+        where they slide, relative to the largest displacement. The bound holds exactly.
     nested : bool
-        Whether the first guess comes from coarser grids.
+        Whether to compute the initial guess on coarser grids.
     max_products : int
-        More products with the matrix than that are taken for a failure.
+        Limit of matrix-vector products; beyond it the search fails with a `ContactError`.
     progress : callable, optional
-        Called as ``progress(products, residual)`` after each product, with the violation of the
-        last areas; on coarser grids, where the first guess comes from, with 0 products.
+        Called as ``progress(products, residual)`` after each product, with the violation for the
+        last areas; while the initial guess is computed on coarser grids, with 0 products.
 
     Returns
     -------
@@ -118,29 +118,27 @@ def friction(
     Warns
     -----
     ContactWarning
-        Where the contact is less than 10 elements across; where mu is above 2, but not infinite;
-        and where the two bodies are unlike,
-        as the coupling of normal and tangential tractions is left out (see
-        `frictional_contact`).
-        `TangentialResult.warnings` lists them.
+        If the input looks wrong: the contact is less than 10 elements across; mu is above 2, but
+        finite; or the two bodies are unlike, as the coupling of normal and tangential tractions is
+        neglected (see `frictional_contact`). `TangentialResult.warnings` lists all warnings.
 
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work; also where the force is more than the bound
-        carries, so that the bodies would slide off.
+        If the input is invalid (it is checked before any work), or if the force exceeds what
+        friction can carry, so that the bodies would slide off.
     ContactError
-        Where the tolerance is not reached: it says what is violated.
+        If the iteration does not converge. The message names the violated condition.
 
     See Also
     --------
-    normal_contact : finds the pressures.
-    rolling : of bodies that roll.
-    subsurface_stresses : what it does below the surface.
+    normal_contact : computes the pressures.
+    rolling : for bodies that roll on each other.
+    subsurface_stresses : the stresses below the surface.
 
     Examples
     --------
-    Cattaneo and Mindlin: half of the force that a Hertzian contact can carry.
+    Cattaneo and Mindlin: half of the largest force that a Hertzian contact can carry.
 
     >>> import numpy as np
     >>> from toeplitz_mg.contact import surfaces
@@ -171,16 +169,16 @@ def friction(
 
 @dataclass(frozen=True)
 class Shifted:
-    """Arguments of `friction`, checked; see there."""
+    """The checked arguments of `friction`."""
 
-    shift: list[float] | str | None  # The uniform shift; "a field" if it is of each element.
+    shift: list[float] | str | None  # The uniform shift; "a field" if it varies over the elements.
     force: Any
     tolerance: float
     nested: bool
     max_products: int
     # The shift, as an array that broadcasts to a field.
     change: Array | None = field(compare=False)
-    before: Array | None = field(compare=False)  # The tractions of the `previous` contact.
+    before: Array | None = field(compare=False)  # The tractions of `previous`.
     previous: TangentialResult | None = field(compare=False)
 
     @classmethod
@@ -196,7 +194,7 @@ class Shifted:
         max_products: int,
         progress: Progress | None,
     ) -> Self:
-        """Return the arguments for the traction bound `g`, or say what is wrong with them."""
+        """Return the checked arguments for the traction bound `g`, or raise an error."""
         check_iteration(tolerance, max_products, progress)
         shape = grid.components, *g.shape
         before = None if previous is None else check_previous(previous, grid, shape)
@@ -211,7 +209,7 @@ class Shifted:
 def shift_bodies(
     grid: Grid, g: Array, asked: Shifted, progress: Progress | None
 ) -> TangentialResult:
-    """Return what `friction` finds for the traction bound `g`, converged or not."""
+    """Return the result of `friction` for the traction bound `g`, converged or not."""
     g, b = drop_rounding(g, grid.vectors), np.zeros((grid.components, *g.shape))
     force, change, previous = asked.force, asked.change, asked.previous
     before = b if asked.before is None else asked.before
@@ -244,7 +242,7 @@ def shift_bodies(
     state, slip, count, units = window.same((state, slip, products.count, products.units(work)))
     result = make_result(problem, state, window, count, units, slip)
     moved = result.shift
-    if change is not None:  # A force adds a shift of the whole bodies.
+    if change is not None:  # A given force adds a uniform shift.
         if force is not None:
             change = change + problem.uniform(state.shift)
         moved = as_given(change, is_field=asked.shift == "a field")
@@ -260,9 +258,10 @@ def find_tractions(
     all_slides: bool,
     nested: bool,
 ) -> tuple[State, Array | None]:
-    """Return the state of bodies that are shifted, where the sum of the tractions may be given.
+    """Return the state after a shift; the sum of the tractions may be given.
 
-    Where all slides, the slip is returned, which is not that of the displacements.
+    If all elements slide, the slip is returned too, since it does not follow from the
+    displacements.
     """
     if all_slides:
         assert total is not None
@@ -272,16 +271,16 @@ def find_tractions(
 
 
 def _displace_by_mean(grid: Any, A: Any, g: Array, total: Array, before: Array) -> float:
-    """Return what the mean traction, now or before, displaces on an element by itself.
+    """Return the displacement of one element by the mean traction, before or now.
 
-    It is a scale where a surface repeats, of which a uniform traction displaces nothing.
+    It is a scale on periodic surfaces, where a uniform traction causes no displacement.
     """
     sums = [float(np.linalg.norm(x)) for x in (total, sum_components(before, grid.vectors))]
     return grid.diagonal(A) * max(sums) / (grid.vectors.count(g) or np.inf)
 
 
 def _read_shift(shift: Any, force: Any, shape: tuple[int, ...]) -> tuple[Array | None, bool]:
-    """Return the shift that is given, or None, and whether it is of each element."""
+    """Return the given shift, or None, and whether it varies over the elements."""
     change = None if shift is None else check_shift(shift, shape)
     of_elements = change is not None and is_field(shift, shape[0])
     if (shift is None) == (force is None) and not (of_elements and force is not None):
@@ -301,7 +300,7 @@ def make_result(
     slip: Array | None = None,
     **more: Any,
 ) -> TangentialResult:
-    """Return what was found, and `more`, on the whole grid and in the shapes of the user."""
+    """Return the result on the whole grid in the user's shapes, with the fields in `more`."""
     q, contact = state.q, problem.g > 0.0
     whole_contact = window.extend(contact)
     if slip is None:
@@ -354,7 +353,7 @@ def make_result(
 
 
 def slide_off(problem: Problem, total: Array, A: Products) -> tuple[State, Array]:
-    """Return the state in which all slides along a force, the sum of the tractions, and the slip.
+    """Return the state in which all elements slide along the force `total`, and the slip.
 
     The shift is the one at which the last element begins to slide along the force.
     """
@@ -367,7 +366,7 @@ def slide_off(problem: Problem, total: Array, A: Products) -> tuple[State, Array
     shift = np.zeros(len(q))
     if elements := vectors.count(contact):
         farthest = vectors.max(np.where(contact, forwards, -np.inf))
-        # Across the force the shift is the mean of what the elements do.
+        # Across the force the shift is the mean displacement of the elements.
         across = sum_components(ahead - forwards * n, vectors) / elements
         shift = across + farthest * direction(total)
         forwards = np.where(contact, forwards - farthest, 0.0)
@@ -376,26 +375,26 @@ def slide_off(problem: Problem, total: Array, A: Products) -> tuple[State, Array
 
 
 def add_shifts(moved: Any, previous: TangentialResult | None, grid: Any) -> Any:
-    """Return a shift, and those that led to the tractions before it."""
+    """Return the sum of a shift and those that led to the previous tractions."""
     if previous is None or (before := previous.total_shift) is None:
         return moved
-    # One may be of the whole bodies, and the other a field.
-    shape = grid.components, *previous.contact.shape  # On ranks that of their rows.
+    # One may be uniform, and the other a field.
+    shape = grid.components, *previous.contact.shape  # With several ranks, of the rows of one.
     given, earlier = (check_shift(x, shape) for x in (moved, before))
     fields = (is_field(x, grid.components) for x in (moved, before))
     return as_given(given + earlier, is_field=any(fields))
 
 
 def is_field(shift: Any, components: int) -> bool:
-    """Whether a shift is given of each element, and not of the whole bodies.
+    """Whether a shift is given for each element, rather than for the whole bodies.
 
-    The elements do not tell: a rank may have a single one.
+    The number of elements does not tell: a rank may have a single one.
     """
     return np.shape(shift) not in ((), (components,))
 
 
 def as_given(shift: Array, *, is_field: bool = False) -> Any:
-    """Return a shift, (components, ...), as users give it: of each element, or of the bodies."""
+    """Return a shift, (components, ...), in the user's form: a field, or one for the bodies."""
     if is_field:
         return shift[0] if len(shift) == 1 else shift
     return float(shift.ravel()[0]) if len(shift) == 1 else shift.ravel()

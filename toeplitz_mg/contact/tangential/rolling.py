@@ -1,8 +1,8 @@
-"""Rolling contact in the steady state: tractions by creepage, or by force (Eq. 1-8).
+"""Steady rolling contact: tractions for given creepages or forces (Eq. 1-8).
 
-Step by step (`steps`) the slip is s = w + A q - S q'. In the steady state, where q' = q, it is
-s = w + K q with K = A - S. This is still a (block) Toeplitz matrix, though not symmetric: the
-steady state is found directly, without marching.
+Step by step (`steps`) the slip is s = w + A q - S q'. In the steady state q' = q, so s = w + K q
+with K = A - S. K is a (block) Toeplitz matrix too, though not symmetric. So the steady state is
+computed directly, without marching.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import in_unit
 
 ANY_SLIP = "friction at any slip"
-# Rounding of what creepages leave of a slip that is given, over that slip, at most.
+# Rounding errors up to this share of a given slip remain if creepages cancel it.
 ROUNDING = 1000.0 * float(np.finfo(np.float64).eps)
 
 
@@ -66,100 +66,99 @@ def rolling(
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
 ) -> TangentialResult:
-    """Roll steadily towards positive x, by creepages or forces: tractions, slip, areas of stick.
+    """Roll steadily towards positive x: find tractions, slip and the areas of stick and slip.
 
     Parameters
     ----------
     pressed : NormalResult
-        The bodies that are pressed together, a result of `normal_contact`, with `mu`. Element and
-        material are taken from it.
+        A result of `normal_contact`, used with `mu`. It provides the element size and the material.
     element : (float, float) or float
-        With a traction bound, size (h1, h2) of an element, mm. In line contact the width and the
-        length of the strips, or the width alone: plane strain, with forces per mm of length.
+        Only with `bound`: size (h1, h2) of an element, mm. In line contact, the width and the
+        length of the strips, or only the width: then plane strain is assumed, with forces per mm of
+        length.
     mu : float, or array_like of shape (n1, n2) or (n,)
-        With a normal result, the coefficient of friction, of all elements or of each.
+        Coefficient of friction, used with `pressed`; one number or one per element.
     bound : array_like of shape (n1, n2) or (n,)
-        In the place of `pressed` and `mu`, the traction bound g = μ p of each element, N/mm²: zero
+        Traction bound g = μ p of each element, N/mm², instead of `pressed` and `mu`. It is zero
         outside the contact, and infinite where the bodies are bonded (μ = ∞). One axis is line
         contact.
     material : Material or (Material, Material)
-        With a traction bound, of both bodies, or of the first and the second (see
+        Only with `bound`: one material for both bodies, or the first and the second (see
         `contact.Material`).
     longitudinal, lateral : float
-        Creepages: rigid slip along x and y over the distance rolled.
+        Creepages: rigid slip along x and y, divided by the distance rolled.
     spin : float
-        The spin φ about the pole, 1/mm: rigid slip -φ y along x, φ x along y.
+        Spin φ about the pole, 1/mm: rigid slip -φ y along x and φ x along y.
     force : (float, float) or float, optional
-        The tangential force (Fx, Fy) on the first body in the place of creepages, which are then
-        found, N; None in the place of one that is not given, as in (Fx, None). In line contact a
-        number for the longitudinal one alone; in plane strain in N/mm. A force of μ P, to 1e-9 of
-        it, lets all slide, by any creepages that are large enough: those that would be found, slip
-        and power are NaN then.
+        Tangential force (Fx, Fy) on the first body, N, instead of creepages, which are then found.
+        None leaves a component free, as in (Fx, None). In line contact a number is the longitudinal
+        force; in plane strain in N/mm. A force of μ P, to within 1e-9, makes all elements slide at
+        any sufficiently large creepages; then the free creepages, slip and power are NaN.
     moment : float, optional
-        The moment of the tractions about the pole, in the place of the spin, N mm.
+        Moment of the tractions about the pole, N mm, instead of the spin.
     slip : array_like of shape (2, n1, n2), or (n,) in line contact, optional
-        Rigid slip over the distance rolled that adds to that by creepages: of bodies that are not
-        flat, or deform. In line contact also (2, n).
+        Rigid slip, divided by the distance rolled, that is added to that of the creepages, for
+        bodies that are not flat or deform. In line contact also (2, n).
     pole : (float, float)
-        The point that the spin turns about, and the moment is taken about, from the middle of the
-        grid, mm.
+        The point about which the spin and the moment are taken, relative to the middle of the grid,
+        mm.
     falling : callable or (float, float, float), optional
-        Friction that depends on the slip: called as ``falling(s)`` with the size of the slip over
-        the distance rolled in each element, it returns the factor of the bound there, at least
-        zero. Of a speed v, the slip is at v s. The bound of the result is the product. Loads that
-        the friction of no slip does not carry are reached by creepages, to 10 times the tolerance.
-        A force that falls again beyond some creepage belongs to two: that is found which belongs
-        to less slip, unless a `guess` is near the other.
+        Friction that depends on the slip. ``falling(s)`` gets the magnitude of the slip in each
+        element, divided by the distance rolled, and returns the factor of the bound there, at least
+        zero. At a speed v, the slip velocity is v s. The bound of the result includes the factor.
+        Loads beyond the friction at zero slip are found by varying the creepages, to 10 times the
+        tolerance. If the force falls beyond some creepage, two creepages have the same force: the
+        result is the one with less slip, unless `guess` is closer to the other.
 
-        Three numbers (μ_s, μ_k, s₀) are μ(s) = μ_k + (μ_s - μ_k) exp(-s/s₀) with the same s: the
-        coefficient without slip, in the place of `mu`, which is left out or equal, that of fast
-        slip, and the slip over the distance rolled on which it falls. A `bound` is then μ_s p.
+        Three numbers (μ_s, μ_k, s₀) mean μ(s) = μ_k + (μ_s - μ_k) exp(-s/s₀) with the same s: the
+        coefficient without slip, which replaces `mu`, the one for fast slip, and the slip at which
+        it decays. A `bound` is then μ_s p.
     guess : TangentialResult, optional
-        A result of rolling on this grid, whose tractions and areas the search starts from, in the
-        place of those of coarser grids.
+        A result of rolling on this grid, whose tractions and areas are the initial guess instead of
+        those from coarser grids.
     tolerance : float
-        The violation of Coulomb's law, as in `friction`, over the largest rigid slip. What is left
-        of a slip that is given counts down to the rounding of that: creepages may undo it.
+        Allowed violation of Coulomb's law, as in `friction`, relative to the largest rigid slip. If
+        creepages cancel most of a given slip, the remainder counts, unless it is rounding.
     nested : bool
-        Whether the first guess comes from coarser grids.
+        Whether to compute the initial guess on coarser grids.
     max_products : int
-        More products with the matrix than that, in all, are taken for a failure.
+        Limit of matrix-vector products in total; beyond it the search fails with a `ContactError`.
     progress : callable, optional
-        Called as ``progress(products, residual)`` after each product, with the violation of the
-        last areas; on coarser grids, where the first guess comes from, with 0 products.
+        Called as ``progress(products, residual)`` after each product, with the violation for the
+        last areas; while the initial guess is computed on coarser grids, with 0 products.
     options : SteadyOptions, optional
-        How long the search goes on before it rolls step by step.
+        Limits of the direct search, after which it rolls step by step.
 
     Returns
     -------
     TangentialResult
-        The result has the slip over the distance rolled, and the creepages.
+        With the creepages, and the slip divided by the distance rolled.
 
     Warns
     -----
     ContactWarning
-        Where the contact is less than 10 elements across; where mu is above 2, but not infinite, or
-        a creepage, that by spin at the contact's radius, above 0.1; where the bodies are unlike,
-        as the coupling of normal and tangential tractions is left out (see
-        `frictional_rolling`); and where a force lets all slide, so that creepages are NaN.
-        `TangentialResult.warnings` lists them.
+        If the input looks wrong: the contact is less than 10 elements across; mu is above 2, but
+        finite; a creepage, or the spin times the contact radius, is above 0.1; or the bodies are
+        unlike, as the coupling of normal and tangential tractions is neglected (see
+        `frictional_rolling`). Also if a force makes all elements slide, so that creepages are NaN.
+        `TangentialResult.warnings` lists all warnings.
 
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work.
+        If the input is invalid. It is checked before any work.
     ContactError
-        Where the tolerance is not reached: it says what is violated.
+        If the iteration does not converge. The message names the violated condition.
 
     See Also
     --------
-    normal_contact : finds the pressures.
-    rolling_steps : the way to the steady state.
-    friction : of bodies that shift.
+    normal_contact : computes the pressures.
+    rolling_steps : the transient to the steady state.
+    friction : for bodies that are shifted.
 
     Examples
     --------
-    Carter: a cylinder that drives, sticks in 0.6 of its contact and carries 1 - 0.4² of μ P.
+    Carter: a driving cylinder sticks in 0.6 of its contact and carries 1 - 0.4² of μ P.
 
     >>> import numpy as np
     >>> from toeplitz_mg.contact import surfaces
@@ -174,7 +173,7 @@ def rolling(
     >>> bool(abs(rolled.force / (mu * p.sum() * 0.05) - (1 - 0.6**2)) < 0.01)
     True
 
-    Friction that falls from 0.3 to 0.2, by numbers:
+    Friction that falls from 0.3 to 0.2:
 
     >>> falls = rolling(
     ...     bound=mu * p, element=0.05, material=Material.from_shear(G, nu), longitudinal=-0.02,
@@ -199,7 +198,7 @@ def rolling(
 
 
 def compare_loads(result: TangentialResult, force: Any, moment: float | None) -> str:
-    """Return what a result has of the loads that are given, for an error."""
+    """Return how the loads of a result compare with the given ones, for an error message."""
     reached = ""
     if force is not None:
         given = tuple(F if F is None else float(F) for F in np.ravel(force).tolist())
@@ -211,7 +210,7 @@ def compare_loads(result: TangentialResult, force: Any, moment: float | None) ->
 
 @dataclass(frozen=True)
 class Rolled:
-    """Arguments of `rolling`, checked; see there."""
+    """The checked arguments of `rolling`."""
 
     motion: Motion
     tolerance: float
@@ -231,9 +230,9 @@ class Rolled:
         options: SteadyOptions | None,
         guess: TangentialResult | None = None,
     ) -> Self:
-        """Return the arguments, or say what is wrong with them.
+        """Return the checked arguments, or raise an error.
 
-        What is `asked` are the arguments of `Motion.of`.
+        `asked` are the arguments of `Motion.of`.
         """
         motion = Motion.of(shape, *asked, beside_lateral=is_lateral(guess))
         check_iteration(tolerance, max_products, progress)
@@ -252,10 +251,10 @@ def roll(
     may_slide: bool = False,
     falling: Callable[[Array], ArrayLike] | None = None,
 ) -> TangentialResult:
-    """Return what `rolling` finds for the traction bound `g`, converged or not.
+    """Return the result of `rolling` for the traction bound `g`, converged or not.
 
-    A force that is all that friction carries may let all slide, or else it is refused. Friction may
-    depend on the slip, which `falling` takes to a factor.
+    A force equal to all that friction can carry makes all elements slide, or else is refused.
+    `falling` gives the factor of the friction for a slip.
     """
     motion = asked.motion
     if grid.directions != motion.directions:
@@ -281,14 +280,14 @@ def roll(
         grid, g = window.grid, window.cut(g)
         A = grid.tangential()
         products = Products(grid.steady(A), asked.max_products)
-        # What is left of parts that cancel each other may be their rounding.
+        # If terms cancel each other, what is left may be rounding.
         least = ROUNDING / asked.tolerance * h * given
         law = None
         if of_slip is not None:
             law = SlipLaw(of_slip, h, grid.diagonal(products.A)).within(window.extend, window.cut)
         problem = Problem(grid, g, b, asked.tolerance, least, progress, law)
         start = None
-        # Without any slip or load there are no tractions: no guess is nearer.
+        # Without slip and load there are no tractions, so no guess is needed.
         if before is not None and (problem.largest > 0.0 or loads.wanted.any()):
             start = admit(problem, *(window.cut(x) for x in before))
         find = partial(find_steady_state, K=products, nested=asked.nested, options=asked.options)
@@ -301,7 +300,7 @@ def roll(
             problem = replace(problem, g=g)
         if loads.wanted.size:
             problem = replace(problem, b=b + grid.vectors.combine(state.shift, loads.units))
-        # The slip is of K, the displacements are of A.
+        # The slip follows from K, the displacements from A.
         u = np.where(g > 0.0, apply_to_rows(A, state.q.reshape(-1)).reshape(b.shape), 0.0)
     slip, state = (state.u - problem.b) / h, replace(state, u=u)
     cost = products.count + 1, products.units(work)
@@ -323,13 +322,13 @@ def _check_loads(
     g: Array,
     of_slip: Callable[[Array], Array] | None,
 ) -> bool:
-    """Refuse loads that friction does not carry; return whether it carries them without slip."""
+    """Refuse loads that friction cannot carry; return whether it can without slip."""
     vectors = window.grid.vectors
     try:
         motion.check_loads(window.whole, g)
         loads.check_share(window.cut(g), vectors)
         loads.check_beside(window.cut(g), b, vectors)
-    except BeyondBound:  # The bound without slip says nothing of what is carried.
+    except BeyondBound:  # With falling friction, the bound without slip is no limit.
         if of_slip is None:
             raise
         most = np.max([of_slip(np.full(g.shape, s)) for s in SLIPS], axis=0)
@@ -340,7 +339,7 @@ def _check_loads(
 
 
 def _slide(grid: Grid, g: Array, asked: Rolled, total: Array) -> TangentialResult:
-    """Return the result where all slides along a force, by any creepages that are large enough."""
+    """Return the result in which all elements slide along a force, at any large creepages."""
     motion, window = asked.motion, grid.window(g > 0.0)
     g = window.cut(g)
     with count_products() as work:
@@ -366,10 +365,10 @@ def make_rolling_result(
     *,
     is_steady: bool,
 ) -> TangentialResult:
-    """Return the result, with the slip over the distance rolled, the moment and the power.
+    """Return the result, with the slip divided by the distance rolled, the moment and the power.
 
-    The cost is in products, and in units of work. Before the steady state the bodies store some of
-    the power of forces and creepages, and what slip dissipates is that of the tractions on it.
+    The cost is in products and in work units. Before the steady state the bodies store part of the
+    power of forces and creepages, so the dissipation is computed from tractions and slip.
     """
     loads, power = motion.work(window.whole, window.extend(state.q), creepages)
     more: dict[str, Any] = {"power": power} if is_steady else {}

@@ -1,21 +1,20 @@
-"""Areas of stick and slip, of bodies that are shifted and of bodies that roll, from a first guess.
+"""The search for the areas of stick and slip, for bodies that are shifted or roll.
 
-Both are searched for by `settling`, of few elements with the matrix as an array (`newton`). Of many
-what makes a step is another. The matrix A of bodies that are *shifted* is symmetric: conjugate
-gradients do (`conjugate`); and where the areas do not settle projected gradients lead out of those
-that come back, as the energy ½ q·Aq - b·q is convex.
+Both use `settling`. On few elements a step of it is a Newton step with the matrix as an array
+(`newton`). On more, for *shifted* bodies, whose matrix A is symmetric, it uses conjugate gradients
+(`conjugate`). If the areas cycle, projected gradients decrease the convex energy ½ q·Aq - b·q.
 
-Of bodies that *roll* steadily the matrix K = A - S is not symmetric: approximate inverses and
-acceleration do (`iteration`). Of few elements the search starts from the leading edge, of many from
-the solution on elements of twice the size. Where the areas do not settle, rolling step by step
-leads on, and where loads are given a search for their creepages (`by_loads`).
+For bodies that *roll* steadily, K = A - S is not symmetric, so approximate inverses with
+acceleration are used (`iteration`). On small grids the search starts from the leading edge, on
+large ones from the solution on elements of twice the size. If the areas do not settle, it continues
+by rolling step by step; for given loads it searches for the creepages (`by_loads`).
 
-The approximate inverses are of the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few ν. Where
-elements stick it is K that is to be inverted, and where they slide K + λ, with λ of any size: in
-each place the inverses are interpolated to its λ. That of K itself is right at the edges of where
-it sticks, too (see `preconditioners.causal`), and on fragmented areas made of their runs (see
-`preconditioners.runs`). So the products do not depend on the number of elements. (With one ν for
-all, they doubled from 128² elements to 512²; without the edges, they grew by up to 1.5.)
+The approximate inverses use the symbol of K, â(θ)(1 - e^{iθ₁}), plus ν, for a few values of ν.
+Where elements stick, K is to be inverted; where they slide, K + λ with varying λ, for which the
+inverses are interpolated. The inverse of K is also accurate at the edges of the stick area
+(`preconditioners.causal`); on fragmented areas it is composed of those of runs
+(`preconditioners.runs`). So the number of products does not depend on that of the elements. (With a
+single ν it doubled from 128² to 512² elements; without the edges it grew by up to 1.5.)
 """
 
 from dataclasses import dataclass, replace
@@ -48,37 +47,37 @@ from toeplitz_mg.contact.tangential.starts import guess_sliding
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count
 
-COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
-PATIENCE = 12  # Changes of the areas without progress, after which projected gradients descend.
-RESCUE = 40  # Steps of projected gradients: enough to leave areas that come back.
-# Ratio of what tractions lack of the bound on one side of an edge to slip/k₀ on the other: 0.5
+COARSE_PRODUCTS = 200  # Limit of products on a coarser grid, which only gives an initial guess.
+PATIENCE = 12  # Changes of the areas without progress, after which projected gradients are used.
+RESCUE = 40  # Steps of projected gradients: enough to leave a cycle of areas.
+# Ratio of the gap between traction and bound on one side of an edge to slip/k₀ on the other: 0.5
 # leaves about the fewest elements in the wrong area; 0.25 and 1.0 leave up to twice as many.
 EDGE = 0.5
-# Part of the load of sliding bodies to which creepages are searched for, and by how much the next
-# search is closer, where that has not been enough.
+# Tolerance for the loads in the search for creepages, and the factor by which the next search is
+# tighter if that was not enough.
 LOOSE, CLOSER = 1e-2, 1e-2
-MORE = 20  # Iterations that are combined where fewer have not been enough.
-STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling that only leads to the steady state.
+MORE = 20  # Number of iterations combined if fewer were not enough.
+STEP_TOLERANCE = 1e-6  # Tolerance of a step of rolling on the way to the steady state.
 
 
 @dataclass(frozen=True)
 class SteadyOptions:
-    """How long the search for the steady state of rolling goes on.
+    """Limits of the direct search for the steady state of rolling.
 
     Attributes
     ----------
     iterations : int
-        Most iterations whose products are kept, and combined with the next one. Beyond 3 they save
-        little.
+        Number of previous iterations whose products are kept and combined with the next one. More
+        than 3 save little.
     patience : int
-        Iterations without a smaller residual, after which 20 are combined; and the next time it
-        rolls step by step over the length of the grid, or by other creepages where loads are given,
-        and searches on from there.
+        Iterations without a smaller residual, after which 20 are combined. If that fails too, the
+        bodies roll step by step over the length of the grid, or other creepages are tried if loads
+        are given, and the search starts again.
 
     Raises
     ------
     ValueError, TypeError
-        For what is no integer, or below 1.
+        If a value is not an integer or below 1.
 
     See Also
     --------
@@ -101,10 +100,10 @@ def solve_shifted(
     *,
     nested: bool,
 ) -> State:
-    """Find the tractions and the areas of stick and slip of bodies that are shifted.
+    """Find the tractions and the areas of stick and slip for bodies that are shifted.
 
-    The search starts from a guess, admissible tractions and their areas, or, if `nested`, from the
-    solution on coarser grids. The shift of the state is that which belongs to the loads.
+    The search starts from a guess (admissible tractions and their areas) or, if `nested`, from the
+    solution on coarser grids. The shift of the returned state belongs to the loads.
     """
     grid, C = problem.grid, problem.g > 0.0
     if not grid.vectors.count(C):
@@ -140,7 +139,7 @@ def solve_shifted(
 
 
 def _guess_shifted(problem: Problem, loads: Loads, *, nested: bool) -> tuple[Array, Areas]:
-    """Return admissible tractions to start from, and areas."""
+    """Return admissible tractions and areas as initial guess."""
     coarse, grid = problem.coarser() if nested else None, problem.grid
     if coarse is None:
         q = loads.spread(problem.g, problem.vectors) + np.zeros(problem.b.shape)
@@ -160,18 +159,18 @@ def find_steady_state(
     nested: bool,
     options: SteadyOptions,
 ) -> State:
-    """Find the tractions and the areas of stick and slip of the steady state of rolling.
+    """Find the tractions and the areas of stick and slip in the steady state of rolling.
 
-    The problem's b is minus the rigid slip in a step of one element, by what is given of it;
-    products are with K = A - S. The search starts from a guess, admissible tractions and their
-    areas, or, if `nested`, from the solution on coarser grids. The shift of the state is the
-    unknown creepages.
+    The vector b is minus the given part of the rigid slip in a step of one element; products are
+    with K = A - S. The search starts from a guess (admissible tractions and their areas) or, if
+    `nested`, from the solution on coarser grids. The shift of the returned state holds the unknown
+    creepages.
     """
     grid, patience = problem.grid, options.patience
     iterations: tuple[int, ...] = ()
     best: State | None = None
     array = grid.dense(problem.g > 0.0, steady=True)
-    # What is not solved directly has at least that for a coarser grid which is.
+    # Problems too large for the direct solver have at least its size on a coarser grid.
     coarsest = 1 if array is None else COARSEST
     from_coarser = partial(_guess_from_coarser_grids, problem, loads, options, coarsest)
     may_refine = guess is None and nested
@@ -219,11 +218,11 @@ def find_steady_state(
 def _guess_from_coarser_grids(
     problem: Problem, loads: Loads, options: SteadyOptions, coarsest: int
 ) -> tuple[Array, Areas] | None:
-    """Return tractions and areas to start from, or None where no grid is coarser."""
+    """Return tractions and areas as initial guess, or None if there is no coarser grid."""
     coarse = problem.coarser(coarsest)
     if coarse is None:
         return None
-    # The rigid slip in a step is in proportion to the step.
+    # The rigid slip in a step is proportional to the step.
     fine, grid = problem.grid, coarse.grid
     longer = grid.element[0] / fine.element[0]
     coarse, loads = replace(coarse, b=coarse.b * longer), loads.coarser(fine, coarse, longer)
@@ -241,8 +240,8 @@ def _guess_from_coarser_grids(
 def _measure_distance(problem: Problem, state: State, k0: float) -> Array:
     """Return a field that is linear across the edge between stick and slip, negative in slip.
 
-    What the tractions lack of the bound grows with the root of the distance from that edge, as on
-    the other side the slip does: here are their squares.
+    With the distance from the edge, both the traction's distance from the bound, on one side, and
+    the slip, on the other, grow like a square root; the field consists of their squares.
     """
     g, vectors = problem.g, problem.vectors
     largest = largest_bound(g, vectors) or 1.0
@@ -253,7 +252,7 @@ def _measure_distance(problem: Problem, state: State, k0: float) -> Array:
 
 
 def _roll_on(problem: Problem, q: Array, K: Products) -> tuple[Array, Areas]:
-    """Roll over the length of the grid step by step (Eq. 8): slow, but towards the steady state."""
+    """Roll over the length of the grid step by step (Eq. 8), towards the steady state."""
     A, S = problem.grid.tangential(), problem.grid.upstream()
     for _ in range(problem.grid.shape[0]):
         b = problem.b + apply_to_rows(S, q.reshape(-1)).reshape(q.shape)

@@ -1,11 +1,10 @@
-"""Rolling step by step, on the way to the steady state or as the bound changes (Eq. 8).
+"""Rolling step by step, towards the steady state or with changing bounds (Eq. 8).
 
-The contact rolls towards positive x. What was, one step of one element before, at x + h is now at
-x, so that Eq. (8) with this step reads, w being the rigid slip in a step,
-
+The contact rolls towards positive x. What is at x now was at x + h before a step of one element, so
+Eq. (8) reads, with the rigid slip w in a step,
     s = w + A q - S q',        (S q)(x) = (A q)(x + h).
 
-Each step is a problem of friction, with S q' - w for the displacements without slip.
+Each step is a problem of friction, in which S q' - w are the displacements without slip.
 """
 
 from collections.abc import Iterator
@@ -55,50 +54,49 @@ def rolling_steps(
     progress: Progress | None = None,
     keep: bool = True,
 ) -> RollingSteps:
-    """Roll step by step, one element in each, from given tractions (Eq. 8).
+    """Roll step by step, one element per step, from given tractions (Eq. 8).
 
     Parameters
     ----------
     pressed, element, mu, bound, material, longitudinal, lateral, spin, slip, pole
-        The arguments of `rolling`.
+        As for `rolling`.
     tolerance, max_products
-        The arguments of `rolling`.
+        As for `rolling`, for each step.
     force : (float, float) or float, optional
-        The tangential force (Fx, Fy) in each step, in the place of creepages, which are then found,
-        N; None in the place of one that is not given. In line contact a number for the longitudinal
-        one alone.
+        Tangential force (Fx, Fy) in each step, N, instead of creepages, which are then found. None
+        leaves a component free. In line contact a number is the longitudinal force.
     steps : int
         The number of steps.
     previous : TangentialResult, optional
-        Tractions before the first step, of any function for tangential contact on this grid; by
-        default none. So bounds, creepages and forces that change are followed: with ``steps=1``
-        for each of them.
+        Tractions before the first step: a result of any function for tangential contact on this
+        grid; by default zero. To follow changing bounds, creepages or forces, call with ``steps=1``
+        for each change.
     progress : callable, optional
         Called as ``progress(products, residual)`` after each product of a step.
     keep : bool
-        Whether the results of all steps are kept, or but their numbers.
+        Whether the results of all steps are kept. Otherwise only their numbers are kept.
 
     Returns
     -------
     RollingSteps
-        An iterator that computes the result after each step when it is asked for, with the slip
-        over the distance rolled; with `plot`, `to_dataframe`, `to_xarray` and `save`.
+        An iterator that computes the result of each step on request, with the slip divided by the
+        distance rolled, and with the methods `plot`, `to_dataframe`, `to_xarray` and `save`.
 
     Warns
     -----
     ContactWarning
-        The warnings of `rolling`, once for all steps.
+        As for `rolling`, once for all steps.
 
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work.
+        If the input is invalid. It is checked before any work.
     ContactError
-        Where the tolerance is not reached: it says what is violated.
+        If the iteration does not converge. The message names the violated condition.
 
     See Also
     --------
-    rolling : its steady state, at once.
+    rolling : computes the steady state directly.
 
     Examples
     --------
@@ -124,7 +122,7 @@ def rolling_steps(
 
 @dataclass(frozen=True)
 class Stepped:
-    """Arguments of `rolling_steps`, checked; see there. The `previous` are tractions."""
+    """The checked arguments of `rolling_steps`; `previous` are the tractions."""
 
     motion: Motion
     steps: int
@@ -144,7 +142,7 @@ class Stepped:
         max_products: int,
         progress: Progress | None,
     ) -> Self:
-        """Return the arguments, or say what is wrong with them (see `rolling.Rolled`)."""
+        """Return the checked arguments, or raise an error (see `rolling.Rolled`)."""
         motion = Motion.of(shape, *asked, beside_lateral=is_lateral(previous))
         check_iteration(tolerance, max_products, progress)
         steps, q = count("steps", steps), None
@@ -156,7 +154,7 @@ class Stepped:
 def roll_steps(
     grid: Grid, g: Array, asked: Stepped, progress: Progress | None, about: tuple[str, ...] = ()
 ) -> Iterator[TangentialResult]:
-    """Return what `rolling_steps` yields for the traction bound `g` (see `roll`)."""
+    """Yield the results of `rolling_steps` for the traction bound `g` (see `roll`)."""
     motion, tolerance = asked.motion, asked.tolerance
     q = np.zeros((len(motion.directions), *g.shape)) if asked.previous is None else asked.previous
     if grid.directions != motion.directions:

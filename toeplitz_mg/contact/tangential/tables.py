@@ -1,4 +1,4 @@
-"""Tables of rolling: forces over creepages, for vehicle dynamics, and Kalker's coefficients."""
+"""Tables for vehicle dynamics: forces over creepages, and Kalker's coefficients."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,38 +19,38 @@ from toeplitz_mg.contact.tangential.rolling import Rolled, roll, rolling
 from toeplitz_mg.halfspace.materials import Bodies, Material, check_ratio
 from toeplitz_mg.values import count, field, positive
 
-ELEMENTS = 64  # Across Kalker's contact: with those of half as many, errors are some 0.3 %.
-EXACT = 1e-6  # Tolerance of his coefficients: far below the error of the grid.
-# Least share of its ellipse that a contact fills: an ellipse along x or y fills 1, and a rectangle
-# 0.95, but a triangle 0.83, and an ellipse of 2 to 1 that lies aslant 0.8.
+ELEMENTS = 64  # Across Kalker's contact: extrapolated from 32 and 64, errors are some 0.3 %.
+EXACT = 1e-6  # Tolerance for the coefficients: far below the error of the grid.
+# Least share of its ellipse that an elliptic contact fills: an ellipse along x or y fills 1 and a
+# rectangle 0.95, but a triangle 0.83, and an oblique ellipse with half-axes 2 to 1 fills 0.8.
 FULL = 0.9
-LEAST, MOST = 0.01, 100.0  # Ratios of the half-axes: beyond, a contact is a line.
+LEAST, MOST = 0.01, 100.0  # Limits for the ratio of the half-axes; beyond, it is a line contact.
 
 
 @files.loadable
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class CreepCurve(Curve):
-    """Forces over creepages, a row for each point (see `creep_curve`).
+    """Forces for a sequence of creepages, one row per point (see `creep_curve`).
 
     Attributes
     ----------
     creepages : ndarray of shape (points, 3) or (points,)
-        Longitudinal, lateral, spin; in line contact that is rolled along x alone, longitudinal.
+        Longitudinal, lateral, spin; in line contact rolled along x only, the longitudinal one.
     force : ndarray of shape (points, 2) or (points,)
         N; in plane strain N per mm.
     moment : ndarray of shape (points,) or None
         About the pole, N mm; None in line contact.
     power : ndarray of shape (points,)
-        What slip dissipates, over the speed of rolling, N.
+        Dissipated power divided by the rolling speed, N.
     stick_share : ndarray of shape (points,)
-        The part of the contact that sticks.
+        Share of the contact that sticks.
     products : ndarray of int, of shape (points,)
     element : tuple of float
-        The size of an element, which says whether forces are those of plane strain.
+        Size of an element; one number means plane strain.
 
     See Also
     --------
-    creep_curve : makes it.
+    creep_curve : returns it.
     """
 
     creepages: Annotated[Array, Quantity("creepages", "points | points, 3", beyond="nan")]
@@ -93,18 +93,18 @@ def creep_curve(
     spin: ArrayLike = 0.0,
     **arguments: Any,
 ) -> CreepCurve:
-    """Roll steadily with one creepage after the other: forces, moments, power.
+    """Roll steadily with a sequence of creepages: find forces, moments and power.
 
     Parameters
     ----------
     pressed, element, mu, bound, material
-        The arguments of `rolling`.
+        As for `rolling`.
     longitudinal, lateral, spin : array_like
-        The creepages of each point, or one number for all points.
+        The creepages of the points; a single number applies to all points.
     **arguments
         More arguments of `rolling`: `slip`, `pole`, `falling`, `tolerance`, `max_products`,
-        `nested`, `options`, `progress`, a `force` or a `moment` that is the same for all points, in
-        the place of a creepage, and a `guess` for the first point.
+        `nested`, `options`, `progress`; a `force` or `moment` for all points, instead of a
+        creepage; and a `guess` for the first point.
 
     Returns
     -------
@@ -113,21 +113,21 @@ def creep_curve(
     Warns
     -----
     ContactWarning
-        The warnings of `rolling`.
+        As for `rolling`.
 
     Raises
     ------
     ValueError, TypeError, ContactError
-        For what `rolling` refuses or does not solve, and for creepages that are no curve.
+        If `rolling` raises it, or if the creepages do not form a curve.
 
     See Also
     --------
-    rolling : one point, with its tractions.
+    rolling : a single point, with its tractions.
 
     Notes
     -----
-    Each point starts from the tractions and the areas of the one before; in line contact of many
-    elements from coarser grids, which say better where it slides.
+    Each point starts from the tractions and the areas of the previous one. In line contact with
+    many elements it starts from coarser grids, which predict the area of slip better.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def creep_curve(
 
 
 def _stack(vectors: list[Any]) -> Array:
-    """Return vectors as rows; in line contact those before anything is lateral are numbers."""
+    """Return vectors as rows; numbers come from line contact without lateral forces."""
     rows = np.zeros((len(vectors), max(np.size(vector) for vector in vectors)))
     for row, vector in zip(rows, vectors, strict=True):
         row[: np.size(vector)] = vector
@@ -177,7 +177,7 @@ def _stack(vectors: list[Any]) -> Array:
 
 
 def _read_points(*creepages: ArrayLike) -> Array:
-    """Return the creepages of each point, shape (points, 3)."""
+    """Return the creepages of the points, of shape (points, 3)."""
     given = [field(name, values) for name, values in zip(CREEPAGES, creepages, strict=True)]
     lengths = {len(values) for values in given if values.ndim == 1}
     if all(values.ndim == 0 for values in given):
@@ -208,7 +208,7 @@ class KalkerCoefficients(NamedTuple):
 
     See Also
     --------
-    kalker_coefficients : finds them.
+    kalker_coefficients : returns them.
     """
 
     C11: float
@@ -224,42 +224,41 @@ class KalkerCoefficients(NamedTuple):
 def kalker_coefficients(
     ratio: float | NormalResult, nu: float | None = None, *, n: int = ELEMENTS
 ) -> KalkerCoefficients:
-    """Return Kalker's coefficients of an elliptic contact, from the tractions without slip.
+    """Return Kalker's creepage coefficients of an elliptic contact, from tractions without slip.
 
     Parameters
     ----------
     ratio : float or NormalResult
-        a/b, the half-axis along the direction of rolling over the one across: 0.01 to 100. Of a
-        result of `normal_contact` the half-axes are those of the ellipse with the same second
-        moments of area along x and y as the elements in contact, ∫ x² dA = a²/4 ∫ dA, and c with
-        the same area is √(area/π).
+        Half-axis in the direction of rolling over the one across, a/b: 0.01 to 100. For a result of
+        `normal_contact`, the ellipse is the one whose second moments of area along x and y are
+        those of the elements in contact, ∫ x² dA = a²/4 ∫ dA, and c = √(area/π).
     nu : float, optional
-        Poisson's ratio of both bodies; of a result its own.
+        Poisson's ratio of both bodies; for a result, that of its material.
     n : int
-        Elements along each axis of the contact: even, at least 8.
+        Number of elements along each axis of the contact: even, at least 8.
 
     Returns
     -------
     KalkerCoefficients
-        With 64 elements they are within 1.5 % of Kalker's tables for a/b = 0.1 to 10, which have
-        three digits.
+        With 64 elements they agree within 1.5 % with Kalker's tables for a/b = 0.1 to 10, which
+        have three digits.
 
     Raises
     ------
     ValueError, TypeError
-        For a ratio, a Poisson's ratio or a number of elements that there is none of; for a result
-        whose contact is a line, nothing, more than one patch, or one that fills less than 0.9 of
-        its ellipse, as where that lies aslant.
+        If the ratio, Poisson's ratio or number of elements is out of range. For a result, if the
+        contact is a line, empty, more than one patch, or fills less than 0.9 of its ellipse, for
+        example because the ellipse is oblique.
 
     See Also
     --------
-    rolling : at any creepage.
+    rolling : for any creepage.
 
     Notes
     -----
-    Bodies that nowhere slide on each other have forces in proportion to the creepages. They are
-    computed for n/2 and n elements, in units of the c of the elements in contact, and extrapolated,
-    as the error is in proportion to 1/n.
+    In bodies that stick everywhere, the forces are proportional to the creepages. They are computed
+    on grids with n/2 and n elements, in units of c of the elements in contact, and extrapolated,
+    since the error is proportional to 1/n.
 
     References
     ----------
@@ -288,7 +287,7 @@ def kalker_coefficients(
 
 def _measure_ratio(pressed: NormalResult) -> float:
     """Return a/b of the ellipse with the second moments of the one patch in contact."""
-    from scipy.ndimage import label  # It is slow to import.
+    from scipy.ndimage import label  # Slow to import.
 
     require_whole(pressed, "the normal result")
     if pressed.contact.ndim == 1:
@@ -308,7 +307,7 @@ def _measure_ratio(pressed: NormalResult) -> float:
 
 
 def _compute(ratio: float, material: Material, n: int) -> Array:
-    """Return the coefficients on n × n elements, of G = 1."""
+    """Return the coefficients on n × n elements, for G = 1."""
     a, b = ratio**0.5, ratio**-0.5
     element = 2.0 * a / n, 2.0 * b / n
     x, y = surfaces.centres((n, n), element)

@@ -1,10 +1,10 @@
-"""Panagiotopoulos' alternation: normal contact, and what is tangential, until both hold.
+"""Panagiotopoulos' alternation between the normal and the tangential problem until both hold.
 
-For pressures p the tangential problem has the bound μ p, and displacements by p; for its tractions
-q the normal problem has a gap that is wider by their displacements. One after the other they are
-a map p → p' whose fixed point solves both. It contracts: by K of the materials and by μ. Anderson's
-acceleration finds the fixed point from the last three pairs: their combination presses on elements
-of the last one only, as where others were in contact it would press on an open gap.
+For pressures p, the tangential problem has the bound μ p and the displacements by p. For its
+tractions q, the normal problem has a gap that is larger by their displacements. Solving one after
+the other is a map p → p', whose fixed point solves both. It is a contraction for the usual K of the
+materials and μ. Anderson's acceleration combines the last three pairs, restricted to the elements
+in contact in the last one: elsewhere the combination would press on an open gap.
 """
 
 from collections.abc import Callable
@@ -27,14 +27,14 @@ from toeplitz_mg.contact.tangential.law import Problem, State, admit, drop_round
 from toeplitz_mg.contact.window import MARGIN, Window
 from toeplitz_mg.operators import apply_to_rows
 
-DEPTH = 2  # Differences of pairs that are combined: more of them save nothing, or lead astray.
+DEPTH = 2  # Number of differences of pairs that are combined: more save nothing, or diverge.
 
 
 @dataclass(frozen=True)
 class Coupling:
     """The displacements along the surface by pressures, and across it by tractions."""
 
-    matrices: tuple[Any, ...]  # Those of the displacements along x, and y, by the pressures.
+    matrices: tuple[Any, ...]  # For the displacements along x and y by the pressures.
 
     @property
     def is_there(self) -> bool:
@@ -54,57 +54,57 @@ class Coupling:
         """Return the normal displacements by tractions: by reciprocity, the transpose."""
         u = np.zeros(q.shape[1:])
         for A, traction in zip(self.matrices, q, strict=True):
-            if A is not None:  # What is odd has minus itself for its transpose.
+            if A is not None:  # An odd matrix is minus its transpose.
                 u -= apply_to_rows(A, traction.ravel()).reshape(u.shape)
         return u
 
 
 @dataclass
 class Pressing:
-    """Bodies that are pressed together while tractions change the gap."""
+    """Normal contact with a gap that tractions change."""
 
     grid: Grid
-    z: Array  # The gap before the bodies touch, less the `distance` at which they do.
+    z: Array  # The gap before loading, minus `distance`, its minimum.
     coupling: Coupling
-    approach: float | None  # Less that distance, too.
-    force: float | None  # Either this or the approach is given.
+    approach: float | None  # Minus `distance` too.
+    force: float | None  # Either this or the approach is None.
     tolerance: float
-    max_products: int  # In each solution.
+    max_products: int  # For each solution.
     report: Report
     products: int = 0  # So far.
-    iterations: list[int] = field(default_factory=list)  # Those of conjugate gradients.
+    iterations: list[int] = field(default_factory=list)  # Of conjugate gradients.
     distance: float = 0.0
 
     def __post_init__(self) -> None:
-        """Measure the gap, and the approach, from where the bodies touch."""
+        """Measure the gap and the approach from first contact."""
         self.z, self.distance, self.approach = measure_from_contact(
             self.z, self.approach, self.grid.vectors
         )
 
     def begin(self, q: Array | None, *, nested: bool) -> Array:
-        """Return the pressures with tractions q, or none."""
+        """Return the pressures for tractions q (or none), without an initial guess."""
         z = self.z if q is None else self.z + self.coupling.across(q)
         return self._run(z, None, nested=nested)
 
     def solve(self, q: Array, p: Array) -> Array:
-        """Return the pressures with tractions q, from those near by."""
+        """Return the pressures for tractions q, starting from p."""
         return self._run(self.z + self.coupling.across(q), p, nested=False)
 
     def look(self, q: Array, p: Array) -> float:
-        """Return how far the pressures p violate the conditions of contact with tractions q."""
+        """Return the violation of the conditions of contact by pressures p with tractions q."""
         return self._state(q, p).residual
 
     def balance(self, p: Array) -> Array:
-        """Return pressures of the given sum, if one is given."""
+        """Scale pressures to the given sum, if there is one."""
         if self.force is None or not p.any():
             return p
         scaled: Array = p * (self.force / self.grid.area / p.sum())
         return scaled
 
     def result(self, q: Array, p: Array) -> NormalResult:
-        """Return what was found; tractions that change with the approach leave no stiffness.
+        """Return the result; its stiffness is None, as the tractions change with the approach.
 
-        The work is that of both problems together, which is not known here.
+        Its work is not set, since it is known only for both problems together.
         """
         state = self._state(q, p)._replace(iterations=tuple(self.iterations))
         result = normal.make_result(self.grid, self.z, state, self.products, 0.0, self.distance)
@@ -133,13 +133,13 @@ class Pressing:
         self.report.add(products, self.max_products)
 
     def _is_apart(self, z: Array) -> bool:
-        """Return whether nothing is pressed where the gap is z."""
+        """Return whether the bodies do not touch for the gap z."""
         if self.approach is None:
             return self.force == 0.0
         return not (z < self.approach).any()
 
     def _state(self, q: Array, p: Array) -> starts.State:
-        """Return the pressures p with all normal displacements, those by tractions q too."""
+        """Return the state for pressures p, with normal displacements by p and q."""
         if self.force == 0.0:
             return starts.State(p, np.zeros(p.shape), 0.0)
         across = self.coupling.across(q)
@@ -152,35 +152,35 @@ class Pressing:
 
 
 class Found(NamedTuple):
-    """What solves the tangential problem of some pressures, in a window."""
+    """The solution of the tangential problem for given pressures, in a window."""
 
     problem: Problem
     state: State
     window: Window
-    slip: Array | None  # None where it is that of the displacements.
+    slip: Array | None  # None if it follows from the displacements.
 
 
 @dataclass
 class Shifting:
-    """Bodies that are shifted while pressures bound the tractions, and displace them, too."""
+    """Friction of shifted bodies, with bound and displacements that depend on the pressures."""
 
     grid: Grid
     coupling: Coupling
-    mu: Array  # The coefficient of friction, of all elements or of each.
-    # (components, ...): the displacements along the surface, were there neither slip nor pressures.
+    mu: Array  # The coefficient of friction, one number or one per element.
+    # (components, ...): the displacements along the surface without slip and pressures.
     b: Array
-    total: Array | None  # (components,): the sum of the tractions, where that is given.
-    least: float  # A displacement below which none counts as the largest.
+    total: Array | None  # (components,): the sum of the tractions, if given.
+    least: float  # Lower limit for the scale of the displacements.
     tolerance: float
     max_products: int
     nested: bool
     report: Report
-    q: Array | None  # The tractions, on the whole grid: the last, or a first guess.
-    slide: Array | None = None  # Where the bodies slid last.
+    q: Array | None  # The tractions on the whole grid: the last ones, or an initial guess.
+    slide: Array | None = None  # The elements that slid in the last solution.
     products: int = 0  # Products so far.
-    window: Window | None = None  # The elements around the last contact, and the matrix among them.
+    window: Window | None = None  # Around the last contact, with the matrix restricted to it.
     matrix: Any = None
-    found: Found | None = None  # What was found last.
+    found: Found | None = None  # The last solution.
 
     def __call__(self, p: Array) -> Array:
         """Return the tractions for pressures p."""
@@ -194,7 +194,7 @@ class Shifting:
         if self.q is not None:
             slide = np.zeros(self.grid.shape, bool) if self.slide is None else self.slide
             guess = admit(problem, window.cut(self.q), window.cut(slide))
-        # All that the bound carries, or more, lets all slide.
+        # A force that reaches or exceeds the bound makes all elements slide.
         all_slides = total is not None and bool(np.linalg.norm(total) >= carried)
         how = {"all_slides": all_slides, "nested": self.nested}
         state, slip = friction.find_tractions(problem, total, products, guess, **how)
@@ -205,15 +205,15 @@ class Shifting:
         return self.q
 
     def result(self, p: Array) -> TangentialResult:
-        """Return what was found, with all displacements along the surface."""
+        """Return the result, with all displacements along the surface."""
         assert self.found is not None
         problem, state, window, slip = self.found
-        # The work of both problems together is with the pressures.
+        # The work of both problems together is in the normal result.
         result = friction.make_result(problem, state, window, self.products, 0.0, slip)
         return add_displacements(result, self.coupling.along(p), self.grid)
 
     def _fit(self, contact: Array) -> Window:
-        """Return a window of all elements in contact: the last one, while that has them all."""
+        """Return a window of all elements in contact; the last one if it contains them."""
         window = self.window
         if window is None or window.cut(contact).sum() < contact.sum():
             self.window = window = self.grid.window(contact, MARGIN)
@@ -223,17 +223,17 @@ class Shifting:
 
 @dataclass
 class Rolling:
-    """Bodies that roll while pressures bound the tractions, and displace along the surface."""
+    """Rolling, with bound and displacements that depend on the pressures."""
 
     grid: Grid
-    coupling: Coupling  # Of the displacements here, and one element ahead.
+    coupling: Coupling  # For the displacements here; `upstream` for those one element ahead.
     upstream: Coupling
-    mu: Array  # The coefficient of friction, of all elements or of each.
-    # Returns what `rolling` finds for a traction bound, a rigid slip over the distance rolled that
-    # adds to that of the creepages, and a result to start from, or None.
+    mu: Array  # The coefficient of friction, one number or one per element.
+    # Returns the result of `rolling` for a traction bound, an additional rigid slip, and an initial
+    # guess (a result or None).
     solve: Callable[[Array, Array, TangentialResult | None], TangentialResult]
-    slip: Array  # (components, ...): the part of that slip that is given.
-    found: TangentialResult | None = None  # What was found last.
+    slip: Array  # (components, ...): the given part of that slip.
+    found: TangentialResult | None = None  # The last solution.
     products: int = 0  # Products so far.
 
     def __call__(self, p: Array) -> Array:
@@ -244,17 +244,17 @@ class Rolling:
         return self.found.traction.reshape(self.slip.shape)
 
     def result(self, p: Array) -> TangentialResult:
-        """Return what was found, with all displacements along the surface."""
+        """Return the result, with all displacements along the surface."""
         assert self.found is not None
-        # The work of both problems together is with the pressures.
+        # The work of both problems together is in the normal result.
         result = remake(self.found, products=self.products, work=0.0)
         return add_displacements(result, self.coupling.along(p), self.grid)
 
 
 def add_displacements(result: TangentialResult, u: Array, grid: Grid) -> TangentialResult:
-    """Return a result with the displacements along the surface by pressures, so that all are in it.
+    """Add the displacements along the surface by pressures to a result.
 
-    Nothing is left out then, and the resolution is doubted where the bodies are pressed.
+    Warnings about neglected coupling are left out; the normal result has those about resolution.
     """
     shape = result.traction.shape
     displacement = result.displacement + np.where(result.contact, u, 0.0).reshape(shape)
@@ -271,10 +271,10 @@ def alternate(
     most: int,
     report: Report,
 ) -> tuple[Array, Array, tuple[float, ...]]:
-    """Find the pressures with which both problems hold, in so many iterations at most.
+    """Find pressures that satisfy both problems, in at most so many iterations.
 
-    `shear` returns the tangential tractions for pressures. Returned are the pressures, these
-    tractions, and the violation of the conditions of normal contact in each iteration.
+    `shear` returns the tangential tractions for pressures. Returns the pressures, these tractions,
+    and the violation of the conditions of normal contact in each iteration.
     """
     pairs: list[tuple[Array, Array]] = []
     residuals: list[float] = []
@@ -289,10 +289,10 @@ def alternate(
 
 
 def _accelerate(pairs: list[tuple[Array, Array]]) -> Array:
-    """Return pressures near the fixed point of a map, from some and what it makes of them.
+    """Return an approximate fixed point of a map from pairs x, y of arguments and values.
 
-    By Anderson's method, of the affine combinations of the pairs x, y it is y of the one in which
-    y - x is least. Where that is negative, or y of the last pair is zero, it is this y.
+    Anderson's method: among the affine combinations of the pairs, take the y of the one with the
+    least |y - x|. Where that is negative, or the y of the last pair is zero, take the last y.
     """
     _, image = pairs[-1]
     if len(pairs) == 1:

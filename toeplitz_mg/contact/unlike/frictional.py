@@ -1,4 +1,4 @@
-"""Unlike bodies that are pressed together and shifted, or roll: pressures and friction at once."""
+"""Frictional contact and rolling of unlike bodies: pressures and friction solved together."""
 
 from dataclasses import replace
 from typing import Any
@@ -50,9 +50,9 @@ from toeplitz_mg.halfspace.materials import Bodies
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.values import count, in_unit, refuse_masked
 
-INNER = 0.01  # Tolerance of each problem by itself, over that of both together.
-FARTHEST = 2.0  # Largest step, over the last, for which the tractions are extrapolated.
-CARRIED = 0.98  # Part of what pressures carry to which loads beyond it are reduced for the moment.
+INNER = 0.01  # Tolerance of each problem relative to that of both together.
+FARTHEST = 2.0  # Tractions are extrapolated for steps up to this multiple of the last one.
+CARRIED = 0.98  # Share of the friction limit to which excessive loads are reduced temporarily.
 
 
 def frictional_contact(
@@ -75,90 +75,89 @@ def frictional_contact(
     max_products: int = 2000,
     progress: Progress | None = None,
 ) -> FrictionalResult:
-    """Press two bodies together with friction, each problem with the displacements of the other.
+    """Press two bodies together with friction, including the coupling of unlike materials.
 
-    Where the materials are unlike, pressures displace the bodies along the surface, and friction
-    holds them back; its tractions change the gap. A press without any shift then has tangential
-    tractions, areas of stick and slip, and higher pressures.
+    If the materials are unlike, pressures displace the bodies along the surface, which friction
+    opposes, and the tractions change the gap. So even without a shift there are tangential
+    tractions and areas of stick and slip, and the pressures are higher.
 
     Parameters
     ----------
     gap : array_like of shape (n1, n2) or (n,)
-        Between the bodies before they touch, at the centres of the elements, mm; up to a
-        constant, that adds to the approach. One axis is line contact. See `surfaces`.
+        Gap between the bodies before loading, at the element centres, mm. A constant added to it
+        adds to the approach. One axis is line contact. See `surfaces`.
     element : (float, float) or float
-        Size (h1, h2) of an element, mm. In line contact the width and the length of the strips,
-        or the width alone: plane strain, with forces per mm of length.
+        Size (h1, h2) of an element, mm. In line contact, the width and the length of the strips, or
+        only the width: then plane strain is assumed, with forces per mm of length.
     material : (Material, Material)
-        Of the first and the second body (see `contact.Material`). The tractions are those on the
-        first.
+        The first and the second body (see `contact.Material`). The tractions act on the first.
     mu : float, or array_like of shape (n1, n2) or (n,)
-        The coefficient of friction, of all elements or of each: the traction bound is μ p. Infinite
-        where the bodies are bonded wherever they are pressed.
+        Coefficient of friction, one number or one per element: the traction bound is μ p. Infinite
+        where bodies in contact are bonded.
     heights, unit
-        In the place of the gap, and its unit, as in `normal_contact`. A surface that repeats, or a
-        hardness, is not taken here.
+        Surface heights instead of the gap, and their unit, as in `normal_contact`. Periodic
+        surfaces and a hardness are not supported.
     approach : float
-        The approach of the bodies, from where the gap is given, mm.
+        Approach of the bodies, mm, measured from the given gap.
     force : float
-        The force that presses, N; in plane strain N/mm. Either this or the approach is given.
+        Normal force, N; in plane strain N/mm. Give either this or the approach.
     shift : array_like, optional
-        Rigid shift of the bodies, since the previous state if there is one, mm: (δx, δy), in line
-        contact a number, or a field, as in `friction`. By default none.
+        Rigid shift of the bodies since the previous state, mm: (δx, δy), in line contact a number,
+        or a field, as in `friction`. By default zero.
     tangential_force : array_like, optional
-        Total tangential force (Fx, Fy), or in line contact a number, N; in plane strain N/mm, in
-        the place of the shift. Of μ P all slides, as in `friction`. In line contact also two
-        components, as of the shift.
+        Total tangential force (Fx, Fy), N, instead of the shift; in line contact a number, or two
+        components as for the shift; in plane strain in N/mm. A force of μ P makes all elements
+        slide, as in `friction`.
     previous : FrictionalResult, optional
-        The state before, on the same grid: what slips depends on the way there, so that a load is
+        The previous state, on the same grid. The slip depends on the load history, so a load is
         best applied in steps.
     reference : float, optional
-        In plane strain, the distance at which a line load moves nothing, mm; by default the length
-        of the grid.
+        In plane strain, the distance at which a line load causes no displacement, mm; by default
+        the length of the grid.
     tolerance : float
-        The violation of the conditions of normal contact that is allowed, over the largest
-        interference; each problem by itself is solved to a hundredth of it. Pressures are never
-        negative, and the tractions never beyond μ p.
+        Allowed violation of the conditions of normal contact, relative to the largest interference.
+        Each of the two problems is solved to a hundredth of it. Pressures are never negative, and
+        tractions never exceed μ p.
     nested : bool
-        Whether the first guess comes from coarser grids.
+        Whether to compute the initial guess on coarser grids.
     max_iterations : int
-        More iterations between the two problems than that are taken for a failure.
+        Limit of iterations between the two problems; beyond it a `ContactError` is raised.
     max_products : int
-        More products with a matrix in a solution of one of them are taken for a failure.
+        Limit of matrix-vector products in one solution of either problem.
     progress : callable, optional
-        Called as ``progress(products, residual)`` after each product, of both problems, with the
-        violation after the last iteration between them.
+        Called as ``progress(products, residual)`` after each product, with the products of both
+        problems and the violation after the last iteration between them.
 
     Returns
     -------
     FrictionalResult
-        It has a `NormalResult` in `normal`, and a `TangentialResult` in `tangential`.
+        With a `NormalResult` in `normal`, and a `TangentialResult` in `tangential`.
 
     Warns
     -----
     ContactWarning
-        The warnings of `normal_contact`.
+        As for `normal_contact`.
 
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work; also where the tangential force is more
-        than the bound carries.
+        If the input is invalid (it is checked before any work), or if the tangential force exceeds
+        what friction can carry.
     ContactError
-        Where the tolerance is not reached: it says what is violated.
+        If the iteration does not converge. The message names the violated condition.
 
     See Also
     --------
-    normal_contact, friction : each by itself, which is exact where the materials are alike.
+    normal_contact, friction : one after the other, which is exact for like materials.
 
     Notes
     -----
-    The two problems are solved in turn (Panagiotopoulos, 1975), with Anderson's acceleration of
-    the bound. The bound of the answer is μ times its pressures exactly.
+    The two problems are solved alternately (Panagiotopoulos, 1975), with Anderson acceleration of
+    the bound. In the result the bound is exactly μ times the pressures.
 
     Examples
     --------
-    A soft body of ν = 0 on a rigid one: friction makes the contact stiffer and smaller.
+    A soft body with ν = 0 on a rigid one: friction makes the contact stiffer and smaller.
 
     >>> from toeplitz_mg.contact import Material, frictional_contact, normal_contact, surfaces
     >>> bodies = Material(E=1.0, nu=0.0), Material.rigid()
@@ -244,61 +243,61 @@ def frictional_rolling(
     progress: Progress | None = None,
     options: SteadyOptions | None = None,
 ) -> FrictionalResult:
-    """Press two bodies together and roll them, each problem with the displacements of the other.
+    """Press two bodies together and roll them, including the coupling of unlike materials.
 
-    Where the materials are unlike, pressures strain the two surfaces unlike: so they creep, and
-    have areas of slip, without a tangential force.
+    If the materials are unlike, pressures strain the two surfaces differently, so the bodies creep
+    and have areas of slip even without a tangential force.
 
     Parameters
     ----------
     gap, element, material, mu, heights, unit, approach, force
-        The arguments of `frictional_contact`; `force` is the one that presses.
+        As for `frictional_contact`; `force` is the normal force.
     longitudinal, lateral, spin, moment, slip, pole
-        The arguments of `rolling`.
+        As for `rolling`.
     tangential_force : (float, float) or float, optional
-        The tangential force (Fx, Fy) on the first body in the place of creepages, which are then
-        found, as `force` in `rolling`; 0 for free rolling.
+        Tangential force (Fx, Fy) on the first body instead of creepages, which are then found, as
+        `force` in `rolling`; 0 for free rolling.
     tolerance : float
-        The violation of the conditions of normal contact that is allowed, over the largest
-        interference; each problem by itself is solved to a hundredth of it.
+        Allowed violation of the conditions of normal contact, relative to the largest interference.
+        Each of the two problems is solved to a hundredth of it.
     nested, max_iterations, max_products, progress
-        The arguments of `frictional_contact`.
+        As for `frictional_contact`.
     options : SteadyOptions, optional
-        How long the search for the steady state goes on before it rolls step by step.
+        Limits of the direct search for the steady state, after which it rolls step by step.
 
     Returns
     -------
     FrictionalResult
-        It has a `NormalResult` in `normal`, and a `TangentialResult` in `tangential`.
+        With a `NormalResult` in `normal`, and a `TangentialResult` in `tangential`.
 
     Warns
     -----
     ContactWarning
-        The warnings of `normal_contact`.
+        As for `normal_contact`.
 
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, before any work; also for loads that the bound does not
-        carry.
+        If the input is invalid (it is checked before any work), or if loads exceed what friction
+        can carry.
     ContactError
-        Where the tolerance is not reached: it says what is violated.
+        If the iteration does not converge. The message names the violated condition.
 
     See Also
     --------
-    frictional_contact : of bodies that do not roll.
-    rolling : with a bound that is given, which is exact where the materials are alike.
+    frictional_contact : for bodies that do not roll.
+    rolling : with a given bound, which is exact for like materials.
 
     Notes
     -----
-    Without slip, free rollers in plane strain creep by a/(πR) ln((1+β)/(1-β)), a being half the
-    width of contact, 1/R the sum of both curvatures, and β = K/(1-ν) Dundurs' parameter, with the
-    `halfspace.difference_parameter` K and ν of the combined materials (Bufler, 1959). The less
-    friction there is, the more they creep, up to 0.915 β a/R (Bentall and Johnson, 1967).
+    Without slip, free rollers in plane strain creep by a/(πR) ln((1+β)/(1-β)), where a is the half
+    width of the contact and 1/R the sum of both curvatures. β = K/(1-ν) is Dundurs' parameter, with
+    the `halfspace.difference_parameter` K and ν of the combined materials (Bufler, 1959). The creep
+    increases as friction decreases, up to 0.915 β a/R (Bentall and Johnson, 1967).
 
     Examples
     --------
-    An aluminium roller on a steel roller, free of a tangential force.
+    An aluminium roller on a steel roller, without a tangential force.
 
     >>> from toeplitz_mg.contact import Material, frictional_rolling, surfaces
     >>> rollers = Material.from_shear(23000.0, 0.31), Material.from_shear(82000.0, 0.28)
@@ -330,7 +329,7 @@ def frictional_rolling(
 
     def solve(g: Array, slip: Array, guess: TangentialResult | None) -> TangentialResult:
         field_of_slip = slip[0] if len(slip) == 1 else slip
-        # Friction moves pressures to where it is high: those before may carry less of the loads.
+        # Friction shifts the pressures, so those before may carry less of the loads.
         share = loads.share(g, grid.vectors)
         part = 1.0 if share < 1.0 else CARRIED / share
         x, y, about = (None if load is None else part * load for load in motion.loads)
@@ -345,7 +344,7 @@ def frictional_rolling(
         pressing = Pressing(grid, z, coupling, approach, force, inner, max_products, report)
         rolling = Rolling(grid, coupling, Coupling(grid.coupling(ahead=1)), friction, solve, given)
         p = pressing.begin(None, nested=nested)
-        if force is not None:  # No pressures of that sum carry a larger one.
+        if force is not None:  # Pressures with this sum cannot carry a larger one.
             largest = bound_of(np.max(friction), p)
             replace(motion, loads=(*motion.loads[:2], None)).check_loads(grid, largest)
         p, q, residuals = alternate(
@@ -365,7 +364,7 @@ def frictional_rolling(
 def read_gap(
     gap: ArrayLike | None, element: Element | None, heights: Any, unit: Unit | None
 ) -> tuple[Array, Any]:
-    """Return the gap that was given, and the size of an element, mm: of what does not repeat."""
+    """Return the given gap and the element size, mm; periodic surfaces are refused."""
     z, element, periodic = read_surface(gap, element, heights, unit, None)
     if np.any(periodic):
         raise ValueError(
@@ -378,7 +377,7 @@ def read_gap(
 def check_both(
     result: FrictionalResult, tolerance: float, report: Report, max_products: int
 ) -> FrictionalResult:
-    """Return the result, or raise ContactError where it violates a condition."""
+    """Return the result, or raise ContactError if it violates a condition."""
     limit = f"; max_products is {max_products}: allow more" if report.exhausted else ""
     check_converged(result.tangential, tolerance, limit)
     if result.residual <= tolerance:
@@ -394,9 +393,9 @@ def check_both(
 def read_motion(
     shift: ArrayLike | None, tangential_force: Any, largest: float, grid: Grid
 ) -> tuple[Array, Array | None]:
-    """Return the rigid shift, zero where none is given, and the sum of the tractions, or None.
+    """Return the rigid shift (by default zero), and the sum of the tractions or None.
 
-    The tangential force is to be at most the `largest`.
+    The tangential force may be at most `largest`.
     """
     if shift is not None and tangential_force is not None:
         raise ValueError(
@@ -416,7 +415,7 @@ def read_history(
     approach: float | None,
     force: float | None,
 ) -> tuple[Before, Array | None]:
-    """Return the state before this step, and a guess of the tractions after it, or None."""
+    """Return the state before this step, and an initial guess of the tractions, or None."""
     shape = (grid.components, *grid.shape)
     if previous is None:
         _, distance, _ = measure_from_contact(z, None, grid.vectors)
@@ -436,9 +435,9 @@ def place_bodies(
     grid: Grid,
     coupling: Coupling,
 ) -> tuple[Array, float]:
-    """Return where the bodies would be along the surface, were there no slip, nor pressures.
+    """Return the displacements along the surface without slip and pressures.
 
-    The second value is the largest displacement of the state before.
+    The second value is the largest displacement of the previous state.
     """
     b = np.zeros((grid.components, *grid.shape)) + change
     if previous is None:
@@ -449,14 +448,14 @@ def place_bodies(
 
 
 def check_carried(force: Any, most: float, grid: Grid) -> Array:
-    """Return the sum of the tractions that a tangential force needs, of at most `most`."""
+    """Return the sum of the tractions for a tangential force, of at most `most`."""
     return check_force(force, most / grid.area, grid, name="tangential_force")[0]
 
 
 def extrapolate(
     previous: FrictionalResult, now: Before, approach: float | None, force: float | None
 ) -> Array:
-    """Return tractions that change with the load as they did in the step before."""
+    """Return tractions extrapolated with the load, from the step before."""
     earlier = previous.before
     if earlier is None:
         return now.traction
