@@ -1,4 +1,4 @@
-"""Stationary Gaussian processes on a grid: likelihoods, fits, gaps, samples."""
+"""Stationary Gaussian processes on a grid: likelihoods, fits, kriging, samples."""
 
 from toeplitz_mg.gaussian.fitting import NormalFit
 from toeplitz_mg.gaussian.normal import ToeplitzNormal

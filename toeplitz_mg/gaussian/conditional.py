@@ -1,4 +1,4 @@
-"""What a process tells of points that were not observed: means, variances, intervals, draws."""
+"""The distribution of unobserved points given observed ones: means, variances, samples."""
 
 import warnings
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from toeplitz_mg.values import real
 if TYPE_CHECKING:
     from toeplitz_mg.gaussian.normal import ToeplitzNormal
 
-DRAWS = 256  # Draws of which the variances are taken where so many points are missing.
+DRAWS = 256  # Number of samples for the variances if too many points are missing.
 IMPRECISE = 1e-4  # Relative error of variances above which there is a warning.
 
 
 def quantile(confidence: float) -> float:
-    """Return how many standard deviations an interval of this probability has on each side."""
+    """Return the half width, in standard deviations, of an interval of this probability."""
     confidence = real("confidence", confidence)
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence is {confidence}, but must be between 0 and 1")
@@ -30,7 +30,7 @@ def quantile(confidence: float) -> float:
 
 
 class Prediction(NamedTuple):
-    """Means and standard deviations of values that are not known, each by itself.
+    """Means and standard deviations of unknown values.
 
     Attributes
     ----------
@@ -41,33 +41,33 @@ class Prediction(NamedTuple):
     std: Any
 
     def interval(self, confidence: float = 0.95) -> tuple[Any, Any]:
-        """Return the ends of the intervals that hold each value with this probability."""
+        """Return the limits of intervals that each contain the value with this probability."""
         half = quantile(confidence) * self.std
         return self.mean - half, self.mean + half
 
 
 @dataclass(frozen=True, repr=False)
 class Conditional:
-    """The distribution of all points of a process, given those that are observed: kriging."""
+    """The distribution of all points of a process given the observed ones (kriging)."""
 
     process: "ToeplitzNormal"
-    known: Observed  # What is known of the covariance of the observed points.
-    mask: Mask  # Where it is observed.
-    residual: Array  # What was observed less the mean of the process, zero elsewhere.
+    known: Observed  # The covariance of the observed points.
+    mask: Mask  # Which points are observed.
+    residual: Array  # Observations minus the mean of the process; zero elsewhere.
 
     @cached_property
     def mean(self) -> Array:
-        """The mean at each point: where it is observed, the value itself."""
+        """The mean at each point; at observed points, the observed value."""
         mean: Array = self._estimate(self.residual[np.newaxis])[0] + self.process.mean
         mean.flags.writeable = False
         return mean
 
     @property
     def variance(self) -> Array:
-        """The variance at each point: zero where it is observed.
+        """The variance at each point; zero where it is observed.
 
-        Exact where at most 4096 points are missing. Else it is that of 256 draws, with a relative
-        standard error of 9 %, of which there is a warning.
+        Exact if at most 4096 points are missing. Otherwise it is estimated from 256 samples, with a
+        relative standard error of 9 % and a warning.
         """
         return self.warned_variance()
 
@@ -77,11 +77,11 @@ class Conditional:
         return np.sqrt(self.warned_variance())
 
     def interval(self, confidence: float = 0.95) -> tuple[Array, Array]:
-        """Return the ends of the intervals that hold each value with this probability."""
+        """Return the limits of intervals that each contain the value with this probability."""
         return Prediction(self.mean, np.sqrt(self.warned_variance())).interval(confidence)
 
     def rvs(self, size: int | tuple[int, ...] | None = 1, random_state: Any = None) -> Array:
-        """Draw samples, as `ToeplitzNormal.rvs` does; each costs a solve."""
+        """Draw samples, as `ToeplitzNormal.rvs` does; each takes one solve."""
         process = self.process
         X = process.rvs(size, random_state) - process.mean
         fields = X.reshape(prod(X.shape[: -len(process.shape)]), *process.shape)
@@ -91,7 +91,7 @@ class Conditional:
         return f"<Conditional {self.process!r}, {np.count_nonzero(self.mask)} observed>"
 
     def warned_variance(self) -> Array:
-        """Return the variances; the warning names the caller of the method that asks for them."""
+        """Return the variances; a warning points to the caller of the method that needs them."""
         variance, warning = self._variance
         if warning is not None:
             warnings.warn(warning, stacklevel=3)
@@ -99,7 +99,7 @@ class Conditional:
 
     @cached_property
     def _variance(self) -> tuple[Array, Warning | None]:
-        """The variances, and a warning if they are not exact."""
+        """The variances, and a warning if they are estimates."""
         missing = ~self.mask.ravel()
         number, variance, warning = np.count_nonzero(missing), np.zeros(missing.size), None
         if number <= MOST:
@@ -119,7 +119,7 @@ class Conditional:
         return variance.reshape(self.mask.shape), warning
 
     def _estimate(self, fields: Array) -> Array:
-        """Return the means of the points, given fields at those that are observed."""
+        """Return the means at all points, given fields at the observed points."""
         inside = self.mask.ravel()
         Y: Rows = np.where(inside, fields.reshape(len(fields), inside.size), 0.0)
         X = self.known.estimate(Y)

@@ -1,4 +1,4 @@
-"""Fits of a covariance and a mean to a series: estimates with errors, a table, predictions."""
+"""Fits of a covariance and a mean to a series: estimates, standard errors, predictions."""
 
 import warnings
 from collections.abc import Callable
@@ -21,25 +21,25 @@ from toeplitz_mg.values import count, in_range, numbers, real
 
 METHODS = "ml", "reml"
 TRENDS = "constant", "linear"
-RANK = 1e-10  # Part of a regressor that others have not, below which it has none of its own.
-ROUNDING = 1e-9  # Negative variances that are zero but for rounding, in units of the variance.
-WIDTH = 78  # Characters of a line of a summary.
+RANK = 1e-10  # A regressor is linearly dependent if a smaller part of it is independent.
+ROUNDING = 1e-9  # Negative variances down to this, relative to the variance, are rounding errors.
+WIDTH = 78  # Line width of a summary, characters.
 UNKNOWN = "the parameters cannot be told apart at the estimate"
 
 
 @dataclass(frozen=True)
 class Mean:
-    """The mean of a fit: an offset that is known, and regressors."""
+    """The mean of a fit: a known offset plus regressors."""
 
     trend: str  # One of `TRENDS`, or empty.
-    offset: Array  # It broadcasts to the shape of the grid.
-    X: Array  # Regressors that were given, of shape (n, k), or of fields (n1, n2, ..., k).
-    names: tuple[str, ...]  # Those of all coefficients.
+    offset: Array  # Broadcasts to the shape of the grid.
+    X: Array  # The given regressors, of shape (n, k), or for fields (n1, n2, ..., k).
+    names: tuple[str, ...]  # Names of all coefficients.
     spacing: tuple[float, ...]
 
     @classmethod
     def of(cls, mean: Any, X: Any, shape: tuple[int, ...], spacing: tuple[float, ...]) -> "Mean":
-        """Check what a user gives."""
+        """Check the user's arguments."""
         trend = mean if isinstance(mean, str) else ""
         offset = np.zeros(()) if trend else numbers("mean", mean)
         if trend and trend not in TRENDS:
@@ -52,7 +52,7 @@ class Mean:
         return cls(trend, offset, columns, tuple(names), spacing)
 
     def rows(self, shape: tuple[int, ...], more: Any = None) -> Rows:
-        """Return the regressors on a grid, each a row; `more` are those of steps that follow."""
+        """Return the regressors on a grid as rows; `more` are those of the forecast steps."""
         trend = np.ones((int(bool(self.trend)), *shape))
         if self.trend == "linear":
             points = np.indices(shape, dtype=np.float64)
@@ -69,31 +69,31 @@ class Mean:
 
 @dataclass(frozen=True, repr=False)
 class NormalFit:
-    """A fit of a covariance, and of a mean, to a series: what `ToeplitzNormal.fit` returns.
+    """A fitted covariance and mean: the result of `ToeplitzNormal.fit`.
 
     Attributes
     ----------
     process : ToeplitzNormal
     covariance : Covariance
-        The distribution, and the covariance, with the estimates.
+        The distribution and the covariance with the estimated parameters.
     params : dict of str to float
-        The estimates: those of the parameters of the covariance, then the coefficients of the mean.
+        The estimates: the parameters of the covariance, then the coefficients of the mean.
     params_covariance : ndarray
-        Their covariance matrix, in this order: the inverse of Fisher's information. NaN for
-        parameters at a bound, and for those that cannot be told apart at the estimate.
+        Their covariance matrix in this order, the inverse of the Fisher information. NaN for
+        parameters at a bound, and for parameters that are not identifiable at the estimate.
     loglikelihood : float
-        The logarithm of the likelihood, or of the restricted one.
+        The logarithm of the (restricted) likelihood.
     method : str
         "ml" or "reml".
     spacing : tuple of float
-        The distance of two neighbours along each axis.
+        Distance between neighbours along each axis.
     n_observed : int
         The number of observed values.
     converged : bool
     iterations : int
-        Whether the search has found a largest likelihood, and its steps.
+        Whether the maximum of the likelihood was found, and the number of iterations.
     at_bounds : tuple of str
-        Parameters whose likelihood is largest at a bound.
+        Parameters whose estimate is at a bound.
 
     See Also
     --------
@@ -125,12 +125,12 @@ class NormalFit:
 
     @property
     def aic(self) -> float:
-        """Akaike's information criterion; a restricted likelihood has no coefficients."""
+        """Akaike's information criterion; with "reml", coefficients do not count as parameters."""
         return 2.0 * self._sizes[0] - 2.0 * self.loglikelihood
 
     @property
     def bic(self) -> float:
-        """The Bayesian information criterion; a restricted likelihood has no coefficients."""
+        """The Bayesian information criterion; with "reml", coefficients do not count."""
         return float(np.log(self._sizes[1])) * self._sizes[0] - 2.0 * self.loglikelihood
 
     @property
@@ -141,8 +141,8 @@ class NormalFit:
     def intervals(self, confidence: float = 0.95) -> dict[str, tuple[float, float]]:
         """Return confidence intervals of the estimates.
 
-        Those of the covariance are of its parameters as they are searched for, logarithms where
-        there is one bound and logits where there are two: no interval leaves the bounds.
+        For the covariance they are computed for transformed parameters (logarithms with one bound,
+        logits with two), so that no interval leaves the bounds.
         """
         z, errors = quantile(confidence), np.array([*self.std_errors.values()])
         estimates, p = np.array([*self.params.values()]), len(self.covariance.theta)
@@ -155,30 +155,30 @@ class NormalFit:
         return dict(zip(self.params, ends, strict=True))
 
     def predict(self, steps: int = 0, X: Any = None, *, noise: float | str = 0.0) -> Prediction:
-        """Return the mean of each point given what was observed, and of points that follow.
+        """Return the mean at each point given the observations, and forecasts after the last one.
 
         Parameters
         ----------
         steps : int, optional
-            How many points to forecast after the last one, of a series.
+            For a series, the number of points to forecast after the last one.
         X : array_like of shape (steps,) or (steps, k), optional
-            The regressors there.
+            The regressors at these points.
         noise : float or str, optional
-            The variance of white noise in the covariance, or the name of this parameter: what is
-            returned is then the curve without noise.
+            The variance of white noise in the covariance, or the name of that parameter: the
+            prediction is then of the curve without noise.
 
         Returns
         -------
         Prediction
-            With `mean`, `std` and `interval(confidence)`, of n + `steps` points, which are Series
-            if `y` was one, with its index going on. Without `noise` the mean is the value itself
-            where one was observed. Deviations contain those of the coefficients of the mean
-            (universal kriging), not those of the parameters of the covariance.
+            With `mean`, `std` and `interval(confidence)`, for n + `steps` points. If `y` is a
+            Series, they are Series with a continued index. Without `noise`, the mean at observed
+            points is the observed value. Standard deviations include the uncertainty of the
+            coefficients of the mean (universal kriging), but not that of the covariance parameters.
 
         Raises
         ------
         ValueError
-            Where the covariance has no such noise, or regressors of the steps are missing.
+            If the covariance has no such noise, or regressors for the steps are missing.
 
         Examples
         --------
@@ -218,7 +218,7 @@ class NormalFit:
         return Prediction(*(self._labels.wrap(x.reshape(y.shape)) for x in (mean, std)))
 
     def summary(self, confidence: float = 0.95) -> str:
-        """Return a table of the estimates, as statsmodels prints it."""
+        """Return a table of the estimates in the layout of statsmodels."""
         missing = self._labels.values.size - self.n_observed
         head = (
             ("Dep. Variable:", self._labels.name, "No. Observations:", self.n_observed),
@@ -254,14 +254,14 @@ class NormalFit:
         noise: float | str = 0.0,
         confidence: float = 0.95,
     ) -> Any:
-        """Draw what was observed, and what `predict` returns with its intervals.
+        """Plot the observations, and the result of `predict` with its intervals.
 
-        Returns the matplotlib.axes.Axes, which are `ax` or of a new figure. Raises an ImportError
-        where matplotlib is not installed (``pip install 'toeplitz-mg[plot]'``), and a ValueError
-        for fields.
+        Returns the matplotlib.axes.Axes, which are `ax` or those of a new figure. Raises an
+        ImportError if matplotlib is not installed (``pip install 'toeplitz-mg[plot]'``), and a
+        ValueError for fields.
         """
         try:
-            from matplotlib import pyplot as plt  # It is an extra, and slow to import.
+            from matplotlib import pyplot as plt  # Optional, and slow to import.
         except ImportError as error:
             raise ImportError("plot() needs matplotlib: pip install 'toeplitz-mg[plot]'") from error
         y = self._labels.values
@@ -290,7 +290,7 @@ def fit_normal(
     method: str,
     maxiter: int,
 ) -> NormalFit:
-    """Return the fit of `ToeplitzNormal.fit`; `kind` is this class."""
+    """Return the result of `ToeplitzNormal.fit`; `kind` is this class."""
     if method not in METHODS:
         raise ValueError(f"method is {method!r}, but must be one of {METHODS}")
     if not isinstance(covariance, Covariance):
@@ -343,7 +343,7 @@ def fit_normal(
 
 
 def spread_mean(mean: Any, shape: tuple[int, ...]) -> Array:
-    """Return means, which are given as what broadcasts to a grid, on the grid."""
+    """Broadcast the mean to the grid."""
     array = _finite("mean", mean)
     try:
         return np.broadcast_to(array, shape)
@@ -357,7 +357,7 @@ def spread_mean(mean: Any, shape: tuple[int, ...]) -> Array:
 def _arrange(
     values: Array, model: Mean, parameters: int, restricted: bool
 ) -> tuple[Data, Array, Array]:
-    """Return what was observed, orthonormal regressors R⁻ᵀ X, R, and least squares of X."""
+    """Return the observations, orthonormal regressors R⁻ᵀ X, R, and the least squares fit of X."""
     mask = ~np.isnan(values)
     inside, X = mask.ravel(), model.rows(values.shape)
     y = (values - spread_mean(model.offset, values.shape)).ravel()[inside]
@@ -386,8 +386,8 @@ def _arrange(
 
 
 def _warn(search: Search, best: Point, at_bounds: tuple[str, ...], is_known: bool) -> None:
-    """Warn, once, of what is doubtful about a fit."""
-    from scipy.optimize import OptimizeWarning  # It is slow to import.
+    """Issue one warning that lists everything doubtful about a fit."""
+    from scipy.optimize import OptimizeWarning  # Slow to import.
 
     doubts = []
     if not search.converged:
@@ -411,7 +411,7 @@ def _warn(search: Search, best: Point, at_bounds: tuple[str, ...], is_known: boo
 
 
 def _finite(name: str, values: Any) -> Array:
-    """Return numbers that are finite."""
+    """Return numbers after checking that they are finite."""
     array = numbers(name, values)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} is not finite somewhere")
@@ -419,7 +419,7 @@ def _finite(name: str, values: Any) -> Array:
 
 
 def _columns(X: Any, shape: tuple[int, ...], columns: int | None = None) -> Array:
-    """Return regressors on a grid, the last axis that of the columns."""
+    """Return regressors on a grid; the last axis is that of the columns."""
     array = _finite("X", X)
     array = array[..., np.newaxis] if array.shape == shape else array
     if array.shape[:-1] != shape or columns not in (None, array.shape[-1]):
@@ -432,5 +432,5 @@ def _columns(X: Any, shape: tuple[int, ...], columns: int | None = None) -> Arra
 
 
 def _cell(x: float, digits: int = 3) -> str:
-    """Return a number as a table of statsmodels has it."""
+    """Return a number formatted as in a table of statsmodels."""
     return f"{x:.{digits}g}" if x and not 1e-4 <= abs(x) < 1e4 else f"{x:.{digits}f}"

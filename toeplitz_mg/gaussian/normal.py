@@ -31,43 +31,44 @@ from toeplitz_mg.gaussian.stochastic import estimate_logdet
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.values import count, generator, is_foreign, numbers, refuse_masked
 
-SHOWN = 5  # Positions that an error names.
+SHOWN = 5  # Number of positions that an error message lists.
 
 
 class ToeplitzNormal:
-    """A multivariate normal distribution whose covariance is a Toeplitz matrix.
+    """A multivariate normal distribution whose covariance matrix is Toeplitz.
 
-    That is a stationary Gaussian process on a regular grid: a time series, or a random field. It
-    has `logpdf` and `rvs`, as a frozen distribution of `scipy.stats`, and takes O(n log n) where
-    `scipy.stats.multivariate_normal` takes O(n³).
+    It describes a stationary Gaussian process on a regular grid: a time series or a random field.
+    It has `logpdf` and `rvs`, like a frozen distribution of `scipy.stats`, but takes O(n log n)
+    instead of the O(n³) of `scipy.stats.multivariate_normal`.
 
     Parameters
     ----------
     c : array_like of shape (n,) or (n1, n2, ...)
         Covariances at the lags 0, 1, …: the first column of the covariance matrix, real. With
-        several axes they are the same in both directions along each. Of arrays of CuPy, torch and
-        JAX the methods take and return such, and `logpdf` has derivatives inside `jax.grad`.
+        several axes they are even in the lag along each axis. For arrays of CuPy, torch and JAX,
+        the methods accept and return arrays of that library, and `logpdf` can be differentiated by
+        `jax.grad`.
     mean : array_like, optional
         A number, or an array that broadcasts to the shape of `c`.
     noise : array_like of the shape of `c`, optional
-        Variances of a noise that differs by point, which are added to the diagonal of A. One that
-        is the same everywhere belongs to c[0].
+        Noise variances that differ from point to point; they are added to the diagonal of A. Noise
+        with the same variance everywhere belongs in c[0].
 
     Attributes
     ----------
     A : ToeplitzOperator
         The covariance matrix, without `noise`, in double precision.
     mean, noise : ndarray of the shape of `c`
-        Without noise that is None.
+        `noise` is None without noise.
     shape : tuple of int
 
     Raises
     ------
     TypeError, ValueError
-        For what is not real, or not finite, or has a shape that does not match.
+        If an argument is not real or not finite, or the shapes do not match.
     numpy.linalg.LinAlgError
-        Where c[0] is not positive; by the methods, where the matrix is not positive definite,
-        exactly or in float64. A larger c[0], a nugget, helps.
+        If c[0] is not positive; in methods, if the matrix is not positive definite, exactly or in
+        float64. A larger c[0] (a nugget) helps.
 
     See Also
     --------
@@ -90,7 +91,7 @@ class ToeplitzNormal:
     """
 
     def __new__(cls, c: Any = None, mean: Any = 0.0, noise: Any = None) -> Any:
-        """Return an `ArrayNormal` for covariances that are an array of another library."""
+        """Return an `ArrayNormal` if the covariances are an array of another library."""
         return ArrayNormal(cls, c, mean, noise) if is_foreign(c) else super().__new__(cls)
 
     def __init__(self, c: ArrayLike, mean: ArrayLike = 0.0, noise: ArrayLike | None = None) -> None:
@@ -119,26 +120,26 @@ class ToeplitzNormal:
         method: str = "ml",
         maxiter: int = 100,
     ) -> NormalFit:
-        """Estimate the parameters of a covariance, and of a mean, from a series with gaps.
+        """Estimate the parameters of a covariance and of a mean from a series, also with gaps.
 
         Parameters
         ----------
         y : array_like of shape (n,) or (n1, n2, ...), masked array, or pandas.Series
-            One series, or field. What is missing is NaN, or masked.
+            One series or field. Missing values are NaN or masked.
         covariance : Covariance
-            One of `toeplitz_mg.covariances`, whose values are the start.
+            A covariance from `toeplitz_mg.covariances`; its parameter values are the initial guess.
         mean : {"constant", "linear"} or array_like, optional
-            What is estimated of the mean beside X, or the mean if it is known.
+            The mean to estimate in addition to X, or the mean itself if it is known.
         X : array_like of shape (n,), (n, k) or (n1, n2, ..., k), optional
-            Regressors, a column each. The columns of a DataFrame give their names.
+            Regressors, one per column. The columns of a DataFrame give their names.
         spacing : float, or tuple of float, optional
-            The distance of two neighbours, for all axes or for each: the unit of lengths, periods
-            and slopes.
+            Distance between neighbours, one for all axes or one per axis: the unit of lengths,
+            periods and slopes.
         method : {"ml", "reml"}, optional
-            Maximum likelihood, or restricted maximum likelihood: that of the contrasts of y that
-            the mean does not change, of which variances are less biased.
+            Maximum likelihood, or restricted maximum likelihood: that of the contrasts of y that do
+            not depend on the mean, whose variance estimates are less biased.
         maxiter : int, optional
-            The most steps of the search.
+            Limit of iterations.
 
         Returns
         -------
@@ -147,23 +148,23 @@ class ToeplitzNormal:
         Raises
         ------
         ValueError
-            Where parameters, or regressors, cannot be told apart; where the index of a Series does
-            not have equal steps; and as by `logpdf`.
+            If parameters or regressors are not identifiable; if the index of a Series does not have
+            equal steps; and as for `logpdf`.
         numpy.linalg.LinAlgError
-            Where the covariance is not positive definite at the start.
+            If the covariance is not positive definite at the initial guess.
 
         Warns
         -----
         scipy.optimize.OptimizeWarning
-            Where the search has not converged, a parameter has come to a bound, or parameters
-            cannot be told apart at the estimate; else a LinAlgWarning, as by `logpdf`.
+            If the iteration has not converged, a parameter has reached a bound, or parameters are
+            not identifiable at the estimate. Otherwise a LinAlgWarning, as for `logpdf`.
 
         Notes
         -----
-        The coefficients of the mean are those of generalised least squares. The parameters of the
-        covariance, their logarithms where they have a bound, are found by `scipy.optimize.minimize`
-        in a trust region, with exact derivatives and the average information of AI-REML as the
-        curvature. Standard errors are those of Fisher's information, which is exact.
+        The coefficients of the mean are generalised least squares estimates. The covariance
+        parameters (their logarithms, if they have a bound) are found by `scipy.optimize.minimize`
+        with a trust region, exact gradients, and the average information of AI-REML as curvature.
+        Standard errors are from the exact Fisher information.
 
         Examples
         --------
@@ -182,14 +183,14 @@ class ToeplitzNormal:
 
     @property
     def logdet(self) -> float:
-        """The log-determinant of A, with `noise` if there is some (see `toeplitz_logdet`)."""
+        """The log-determinant of A, including `noise` (see `toeplitz_logdet`)."""
         known = self._observe(np.ones(self.shape, dtype=bool))
         warn(known.doubt, stacklevel=2)
         return known.logdet()
 
     @property
     def logdet_error(self) -> float:
-        """An estimate of the error of `logdet`, of one axis, of which half is that of a density."""
+        """The estimated error of `logdet` (one axis); that of a log-density is half as large."""
         if len(self.shape) > 1 or self.noise is not None:
             what = f"{len(self.shape)} axes" if self.noise is None else "noise that differs"
             raise ValueError(f"c has {what}, but the error is estimated for one axis without noise")
@@ -205,10 +206,10 @@ class ToeplitzNormal:
         Parameters
         ----------
         y : array_like of shape (..., n)
-            One series, or many with the same gaps, in which NaN stands, or a masked array.
+            One series, or many with the same gaps, marked by NaN or a mask.
         observed : array_like of bool, of shape (n,), optional
-            Where the series are observed, by default where they are not NaN; elsewhere anything may
-            stand. The density is that of the observed values.
+            Where the series are observed; by default where they are not NaN. Values elsewhere are
+            ignored. The density is that of the observed values.
 
         Returns
         -------
@@ -217,17 +218,17 @@ class ToeplitzNormal:
         Raises
         ------
         ValueError
-            Where `y` is not finite where it is observed, or has another shape. For a field, a
-            series with more than 4096 points missing, and noise that differs by point: where more
-            are observed than a dense matrix in a quarter of the memory has rows.
+            If an observed value of `y` is not finite, or its shape does not match. For fields,
+            series with more than 4096 missing points, and noise that differs from point to point:
+            if the dense matrix of the observed points would take more than a quarter of the memory.
         numpy.linalg.LinAlgError
-            Where the covariance is not positive definite.
+            If the covariance is not positive definite.
 
         Warns
         -----
         scipy.linalg.LinAlgWarning
-            Where the estimated error of the log-determinant is large (see `toeplitz_logdet`), or
-            rounding may be 1e-3 n of (y - mean)ᵀ A⁻¹ (y - mean).
+            If the estimated error of the log-determinant is large (see `toeplitz_logdet`), or the
+            rounding error of (y - mean)ᵀ A⁻¹ (y - mean) may be 1e-3 n.
 
         Examples
         --------
@@ -244,27 +245,27 @@ class ToeplitzNormal:
     ) -> tuple[Any, Array, Array]:
         """Return the logarithm of the probability density and its derivatives.
 
-        Takes what `logpdf` takes. Over a long gap of a smooth process the derivatives by c lose
-        digits, with a warning where their relative error may be above 1e-8.
+        The arguments are those of `logpdf`. For a long gap in a smooth process the derivatives by c
+        lose digits; there is a warning if their relative error may exceed 1e-8.
 
         Returns
         -------
         value : float, or ndarray of shape (...)
         by_c : ndarray of shape (..., n)
-            Derivatives by the covariances c[k]. That by a parameter of c is the inner product with
-            the derivatives of c, over all axes.
+            Derivatives by the covariances c[k]. The derivative by a parameter of c is the inner
+            product with the derivatives of c, over all axes.
         by_y : ndarray of shape (..., n)
-            Derivatives by the values, zero where they are not observed. Those by the means are the
-            same with the other sign.
+            Derivatives by the values, zero where they are not observed. The derivatives by the mean
+            are the same with the opposite sign.
 
         Notes
         -----
-        With α = A⁻¹ (y - mean) the derivative by c_k is Σ_i α_i α_(i+k) - Σ_i (A⁻¹)_(i,i+k), for
-        k = 0 half of that.
+        With α = A⁻¹ (y - mean), the derivative by c_k is Σ_i α_i α_(i+k) - Σ_i (A⁻¹)_(i,i+k); for k
+        = 0 it is half of that.
 
         Examples
         --------
-        The derivative by the variance s of the covariance s 2⁻ᵏ is zero at its estimate.
+        The derivative by the variance s of the covariance s 2⁻ᵏ vanishes at its estimate.
 
         >>> import numpy as np
         >>> import toeplitz_mg as tmg
@@ -288,23 +289,23 @@ class ToeplitzNormal:
         probes: int = 32,
         random_state: Any = None,
     ) -> tuple[Any, float]:
-        """Estimate `logpdf` with noise that differs by point, on one axis, of any size.
+        """Estimate `logpdf` with noise that differs from point to point, on one axis of any length.
 
         Parameters
         ----------
         y, observed
-            As in `logpdf`. At most 4096 points may be missing, or observed.
+            As for `logpdf`. At most 4096 points may be missing, or observed.
         probes : int
-            Random vectors, at least 3, of which each costs some hundred products with A.
+            Number of random vectors, at least 3; each costs some hundred products with A.
         random_state
-            As in `rvs`.
+            As for `rvs`.
 
         Returns
         -------
         value : float, or ndarray of shape (...)
         error : float
-            The standard error of each value: that of the log-determinant, estimated by Lanczos's
-            method on draws of the process with the mean noise.
+            The standard error of each value, which is that of the log-determinant. It is estimated
+            by Lanczos' method on samples of the process with the mean noise.
 
         Examples
         --------
@@ -329,16 +330,17 @@ class ToeplitzNormal:
         return value.reshape(lead)[()], 0.5 * error
 
     def whiten(self, y: ArrayLike, observed: ArrayLike | None = None) -> Array:
-        """Return independent standard normal numbers in the place of a series of this process.
+        """Transform a series of this process to independent standard normal numbers.
 
-        Takes what `logpdf` takes, of one axis.
+        The arguments are those of `logpdf`; one axis only.
 
         Returns
         -------
         ndarray of the shape of `y`
-            L⁻¹ (y - mean), with Cholesky's lower factor L of A: the error with which each number is
-            predicted from those before it, over its standard deviation. NaN in gaps. It takes
-            O(n log² n); with gaps, and noise that differs by point, a dense factorisation.
+            L⁻¹ (y - mean), where L is the lower Cholesky factor of A: the error of the prediction
+            of each number from those before it, divided by its standard deviation. NaN in gaps. The
+            cost is O(n log² n); with gaps or noise that differs from point to point, that of a
+            dense factorisation.
 
         Examples
         --------
@@ -353,9 +355,9 @@ class ToeplitzNormal:
         return self._factorise(mask).whiten(rows).reshape(*lead, *self.shape)
 
     def colorize(self, z: ArrayLike) -> Array:
-        """Return the series of this process that `whiten` turns into z: mean + L z, in O(n²).
+        """Return mean + L z, the series that `whiten` transforms to z, in O(n²).
 
-        Where z, array_like of shape (..., n), is standard normal, the series is a sample.
+        If z, array_like of shape (..., n), is standard normal, the series is a sample.
 
         Examples
         --------
@@ -373,16 +375,17 @@ class ToeplitzNormal:
         return Y.reshape(*lead, *self.shape) + self.mean
 
     def conditional(self, y: ArrayLike, observed: ArrayLike | None = None) -> "Conditional":
-        """Return the distribution of all points, given those that are observed (kriging).
+        """Return the distribution of all points given the observed ones (kriging).
 
-        Takes what `logpdf` takes, one series of any size. Where more than 4096 points are missing,
-        and observed, and with several axes, systems are solved by CG with `default_preconditioner`.
+        The arguments are those of `logpdf`, for one series of any size. If more than 4096 points
+        are missing and more than 4096 observed, and for several axes, the systems are solved by CG
+        with `default_preconditioner`.
 
         Returns
         -------
         Conditional
-            With attributes `mean`, the estimate at each point, `variance` and `std`, and methods
-            `interval` and `rvs`.
+            With the attributes `mean` (the estimate at each point), `variance` and `std`, and the
+            methods `interval` and `rvs`.
 
         Examples
         --------
@@ -401,19 +404,19 @@ class ToeplitzNormal:
         return Conditional(self, known, mask, rows.reshape(self.shape))
 
     def forecast(self, y: ArrayLike, steps: int) -> Prediction:
-        """Return the means and standard deviations of the next numbers of a series.
+        """Return the means and standard deviations of the next values of a series.
 
         Parameters
         ----------
         y : array_like of shape (m,)
-            The series so far, with NaN in its gaps, or a masked array.
+            The series so far; gaps are NaN or masked.
         steps : int
-            How many numbers follow. `c` must have m + steps covariances at least.
+            How many values to forecast. `c` must have at least m + steps covariances.
 
         Returns
         -------
         Prediction
-            Of shape (steps,), with `mean`, `std` and `interval(confidence)`.
+            Arrays of shape (steps,): `mean`, `std` and the method `interval(confidence)`.
 
         Examples
         --------
@@ -435,17 +438,17 @@ class ToeplitzNormal:
         return Prediction(given.mean[-steps:], np.sqrt(given.warned_variance()[-steps:]))
 
     def leave_one_out(self, y: ArrayLike, observed: ArrayLike | None = None) -> Prediction:
-        """Predict each value from all others that are observed, of what `logpdf` takes.
+        """Predict each value from all other observed values. The arguments are those of `logpdf`.
 
         Returns
         -------
         Prediction
-            Its `mean` has the shape of `y`, its `std` that of `c`. NaN in gaps.
+            `mean` has the shape of `y`, `std` that of `c`. NaN in gaps.
 
         Notes
         -----
-        With α = A_oo⁻¹ (y - mean) and d the diagonal of A_oo⁻¹ they are y - α/d and 1/√d. With m
-        gaps d takes m products with A⁻¹.
+        With α = A_oo⁻¹ (y - mean) and the diagonal d of A_oo⁻¹, they are y - α/d and 1/√d. With m
+        gaps, d takes m products with A⁻¹.
 
         Examples
         --------
@@ -467,22 +470,21 @@ class ToeplitzNormal:
         Parameters
         ----------
         size : int or tuple of int, optional
-            How many. None is 1.
+            Number of samples. None is 1.
         random_state : int, numpy.random.Generator or RandomState, optional
-            A generator of random numbers, or the seed of one.
+            A random generator, or the seed of one.
 
         Returns
         -------
         ndarray of shape ``(*size, n)``
-            Without the first axis where `size` is 1. The error of their covariance is
+            Without the first axis if `size` is 1. The error of their covariances is
             `sampling_error`, at most 1e-6.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            Where the covariance is not positive definite. With several axes also where its mirror
-            images do not continue it to that of a periodic field: the message names a grid that is
-            large enough.
+            If the covariance is not positive definite. For several axes, also if it cannot be
+            extended to a periodic field; the message names a grid that is large enough.
 
         Examples
         --------
@@ -501,7 +503,7 @@ class ToeplitzNormal:
 
     @property
     def sampling_error(self) -> float:
-        """The largest error of a covariance of the samples, in units of the variance."""
+        """The largest error of a covariance of the samples, relative to the variance."""
         return self._embedding.error
 
     @cached_property
@@ -509,11 +511,11 @@ class ToeplitzNormal:
         return embed(self.A.c, lambda: self._whole.column.x)
 
     def _observe(self, mask: Mask) -> Observed:
-        """Return what is known, from a dense matrix too as far as the memory goes."""
+        """Return the covariance of the observed points, dense if needed and memory allows."""
         return observe(self._whole, mask, self.noise, dense=largest_dense())
 
     def _factorise(self, mask: Mask) -> Few:
-        """Return the dense factor of what is observed."""
+        """Return the dense factorisation for the observed points."""
         if mask.sum() > largest_dense():
             raise ValueError(
                 f"{mask.sum()} points are observed, but with gaps or noise a dense matrix is "
@@ -522,12 +524,12 @@ class ToeplitzNormal:
         return Few(self.A, mask, self.noise)
 
     def _require_line(self, method: str) -> None:
-        """Refuse several axes."""
+        """Raise an error if there are several axes."""
         if len(self.shape) > 1:
             raise ValueError(f"c has {len(self.shape)} axes, but {method} is for one")
 
     def _logpdf(self, y: ArrayLike, observed: ArrayLike | None) -> tuple[Array, Rows, Observed]:
-        """Return the logarithms of the densities, the rows A⁻¹ (y - mean), and what is known."""
+        """Return the log-densities, the rows A⁻¹ (y - mean), and the observed covariance."""
         rows, mask, lead = _check_series(y, observed, self.mean)
         known = self._observe(mask)
         constant = known.logdet() + np.log(2.0 * np.pi) * mask.sum()
@@ -537,7 +539,7 @@ class ToeplitzNormal:
 
 
 def _check_noise(noise: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return variances of this shape."""
+    """Return noise variances of this shape."""
     array = numbers("noise", noise)
     if array.shape != shape:
         raise ValueError(
@@ -552,7 +554,7 @@ def _check_noise(noise: ArrayLike, shape: tuple[int, ...]) -> Array:
 def _check_series(
     y: ArrayLike, observed: ArrayLike | None, mean: Array
 ) -> tuple[Rows, Mask, tuple[int, ...]]:
-    """Return rows y - mean, zero where not observed; the mask; the shape of the batch of series."""
+    """Return the rows y - mean (zero where not observed), the mask, and the batch shape."""
     residual, shape = fill(y), mean.shape
     lead = residual.shape[: max(residual.ndim - len(shape), 0)]
     if residual.shape != (*lead, *shape):

@@ -1,4 +1,4 @@
-"""Samples of a stationary process, from a periodic one on a larger grid, or point by point."""
+"""Samples of a stationary process: by circulant embedding, or point by point."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ from toeplitz_mg.engine import fourier
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.operators.positivity import rounding
 
-LARGEST_ERROR = 1e-6  # Of a covariance, in units of the variance: no sample shows it.
-SAMPLES = (4, 16, 64)  # Points of the periodic process for each unknown, until that is reached.
-DECAYED = 1e-6  # Covariance, in units of the variance, at which a periodic process exists.
-PART = 2**22  # Random numbers at once.
+LARGEST_ERROR = 1e-6  # Allowed error of a covariance, relative to the variance: never visible.
+SAMPLES = (4, 16, 64)  # Period of the process per unknown: tried in turn until accurate enough.
+DECAYED = 1e-6  # If the covariance has decayed to this share of the variance, embedding works.
+PART = 2**22  # Random numbers that are drawn at once.
 
 
 @dataclass(frozen=True)
 class Embedding:
-    """A periodic process of which the grid is a part."""
+    """A periodic process that contains the grid."""
 
-    root: Array  # Square roots of the eigenvalues of its covariance, as `rfftn` orders them.
+    root: Array  # Square roots of the eigenvalues of its covariance, in the order of `rfftn`.
     period: tuple[int, ...]
     grid_shape: tuple[int, ...]
-    error: float  # The largest of a covariance on the grid, in units of the variance.
+    error: float  # The largest error of a covariance on the grid, relative to the variance.
 
     def draw(self, rows: int, random: Any) -> Array:
-        """Return independent samples, shape (rows, ...)."""
+        """Return independent samples, of shape (rows, ...)."""
         X = np.empty((rows, *self.grid_shape))
         cut = (slice(None), *(slice(n) for n in self.grid_shape))
         axes = tuple(range(1, X.ndim))
@@ -48,7 +48,7 @@ class Embedding:
 
 @dataclass(frozen=True)
 class Recursion:
-    """Draws each number from those before it: exact for any covariance, in n² steps.
+    """Samples in which each number is drawn given those before it, in O(n²): always exact.
 
     References
     ----------
@@ -61,21 +61,21 @@ class Recursion:
 
     @cached_property
     def error(self) -> float:
-        """The largest error of a covariance, in units of the variance."""
+        """The largest error of a covariance, relative to the variance."""
         unit = np.zeros((1, len(self.c)))
-        unit[0, 0] = np.sqrt(self.c[0])  # Times Cholesky's factor it is the first column of A.
+        unit[0, 0] = np.sqrt(self.c[0])  # Times the Cholesky factor this is the first column of A.
         return float(np.abs(self.colour(unit)[0] - self.c).max() / self.c[0])
 
     def draw(self, rows: int, random: Any) -> Rows:
-        """Return independent samples, shape (rows, n)."""
+        """Return independent samples, of shape (rows, n)."""
         return self.colour(random.standard_normal((rows, len(self.c))))
 
     def colour(self, Z: Rows) -> Rows:
-        """Return L z for each row z, A = L Lᵀ with L lower triangular: what `whiten` undoes."""
+        """Return L z for each row z, the inverse of `whiten`; A = L Lᵀ with L lower triangular."""
         n = len(self.c)
         variances = self.c[0] * np.cumprod(np.append(1.0, 1.0 - self.gamma**2))
         Y = Z * np.sqrt(variances)
-        a = np.zeros(n)  # The polynomial of the prediction error: Σ a_j y_(k-j).
+        a = np.zeros(n)  # Coefficients of the prediction error Σ a_j y_(k-j).
         a[0] = 1.0
         for k in range(1, n):
             a[1 : k + 1] += self.gamma[k - 1] * a[k - 1 :: -1]
@@ -84,10 +84,10 @@ class Recursion:
 
 
 def embed(c: Array, column: Callable[[], Array]) -> Embedding | Recursion:
-    """Return a way to draw samples; `column` returns A⁻¹ e₁ of one axis.
+    """Return a sampler; `column` returns A⁻¹ e₁ of one axis.
 
-    Of one axis there is one for each that is positive definite, of several an error may say how
-    large a grid would do.
+    On one axis every positive definite covariance has one. On several axes, the error message may
+    name a grid that is large enough.
     """
     embedding = embed_in_circulant(c)
     if c.ndim == 1:
@@ -98,7 +98,7 @@ def embed(c: Array, column: Callable[[], Array]) -> Embedding | Recursion:
         float(np.abs(np.take(c, n - 1, axis)).max()) / float(c.flat[0])
         for axis, n in enumerate(c.shape)
     ]
-    # The grid at whose edges the covariance has decayed, if it goes on as on this one.
+    # The grid at whose edges the covariance has decayed, extrapolated from this one.
     shape = tuple(
         n if edge <= DECAYED else int(np.ceil(n * np.log(DECAYED) / np.log(edge)))
         for edge, n in zip(edges, c.shape, strict=True)
@@ -117,9 +117,9 @@ def embed(c: Array, column: Callable[[], Array]) -> Embedding | Recursion:
 
 
 def embed_in_circulant(c: Array) -> Embedding | None:
-    """Continue a covariance by its mirror image, or return None where that is none.
+    """Extend a covariance by its mirror image; return None if the result is not positive.
 
-    Eigenvalues are zero within the rounding of the transform; none below that is made zero.
+    Eigenvalues within the rounding error of the transform are set to zero.
     """
     mirrored = np.pad(c, [(0, max(n - 2, 0)) for n in c.shape], mode="reflect")
     spectrum = fourier.rfftn(mirrored).real
@@ -129,10 +129,10 @@ def embed_in_circulant(c: Array) -> Embedding | None:
 
 
 def embed_by_column(c: Array, x: Array) -> Embedding | None:
-    """Continue a covariance as that of the autoregressive process of x = A⁻¹ e₁, if it decays.
+    """Extend a covariance by the autoregressive process of x = A⁻¹ e₁, if that decays.
 
-    Its spectral density x₀/|x(z)|² (Bernstein and Szegő) is positive, and its covariances are those
-    of A up to n - 1. Made periodic they change by those that are a period away.
+    Its spectral density x₀/|x(z)|² (Bernstein and Szegő) is positive, and its covariances up to n -
+    1 are those of A. Making it periodic adds to them the covariances one period away.
     """
     n = len(c)
     for samples in SAMPLES:
@@ -145,7 +145,7 @@ def embed_by_column(c: Array, x: Array) -> Embedding | None:
 
 
 def _embedding(spectrum: Array, period: tuple[int, ...], c: Array) -> Embedding:
-    """Make an embedding, and measure its error."""
+    """Return an embedding, with its error."""
     count_transforms(2, int(np.prod(period)))
     reached = fourier.irfftn(spectrum, s=period)[tuple(slice(n) for n in c.shape)]
     error = float(np.abs(reached - c).max()) / float(c.flat[0])

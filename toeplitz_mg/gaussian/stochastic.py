@@ -1,4 +1,4 @@
-"""A log-determinant with noise that differs by point, estimated from random vectors."""
+"""Stochastic estimate of a log-determinant with noise that differs from point to point."""
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
@@ -9,7 +9,7 @@ from toeplitz_mg.gaussian.observed import Observed
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.positivity import lanczos
 
-STEPS = 60  # Steps of Lanczos's method for each random vector.
+STEPS = 60  # Steps of Lanczos' method for each random vector.
 
 
 def estimate_logdet(
@@ -17,12 +17,12 @@ def estimate_logdet(
 ) -> tuple[float, float]:
     """Estimate log det (A + D)_oo, and its standard error.
 
-    It is log det A_oo + tr log K with K = A_oo^(-1/2) (A + D)_oo A_oo^(-1/2). A draw z of the
-    process of A is A_oo^(1/2) w with a normal w, so that Lanczos's method in the inner product of
-    A_oo⁻¹ has a quadrature of wᵀ log K w. What it has in common with wᵀ K w, whose mean tr K is
-    known exactly, is taken out. A has the noise that is the same everywhere, `known` is what is
-    known of it at the observed points of `mask`, `rest` is the diagonal of D, by which the noise
-    differs from that, and each row of `draws` is a sample of the process of A.
+    It is log det A_oo + tr log K with K = A_oo^(-1/2) (A + D)_oo A_oo^(-1/2). A sample z of the
+    process of A is A_oo^(1/2) w with a standard normal w, so Lanczos' method in the inner product
+    of A_oo⁻¹ gives a quadrature for wᵀ log K w. Its correlation with wᵀ K w, whose mean tr K is
+    known exactly, reduces the variance. A includes the uniform part of the noise, and D is the
+    diagonal `rest`. `known` is the covariance at the observed points of `mask`; the rows of `draws`
+    are samples of the process of A.
 
     References
     ----------
