@@ -160,7 +160,7 @@ def test_refuses_what_is_not_positive_definite_and_says_by_which_n(c, n):
         ([0.0, 0.0], np.linalg.LinAlgError, "diagonal"),
         # Not so in float64.
         (np.exp(-((np.arange(3e3) / 100) ** 2)), np.linalg.LinAlgError, r"leading \d+ x .* nugget"),
-        ([[2.0, 1.0], [0.5, 0.1]], ValueError, "must have one axis"),
+        (([2.0, 1.0], [2.0, 0.5]), ValueError, "c is a pair, but must be"),
         (scipy.linalg.toeplitz([4.0, 1.0, 0.5]), ValueError, "must have one axis"),
         ([2.0 + 1.0j, 1.0], ValueError, "must be real"),
         ([2.0, np.nan], ValueError, "finite"),
