@@ -283,7 +283,7 @@ def assert_few_iterations_or_refused(A, may_be_refused):
         assert may_be_refused
         assert "too smooth a kernel for it" in why
         if len(A.grid_shape) == 1:
-            assert "use spectral_preconditioner(A), on a mask sine_preconditioner" in why
+            assert "use spectral_preconditioner(A), or on a mask sine_preconditioner" in why
         else:
             assert "on a mask sine_preconditioner(A)" in why
 

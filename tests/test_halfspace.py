@@ -245,14 +245,14 @@ def test_the_bonded_flat_punch_converges_at_first_order():
         ({"element": (1.0, 1.0, 1.0)}, ValueError, "two sizes"),
         ({"x": np.inf}, ValueError, "x has coordinates that are not finite"),
         ({"x": np.ones(2), "y": np.ones(3)}, ValueError, r"x \(2,\), y \(3,\), but must"),
-        ({"element": 1.0}, ValueError, "element is 1.0, but an element has the two sizes"),
+        ({"element": 1.0}, ValueError, "element is 1.0, but must have the two sizes"),
         ({"element": (1.0, "a")}, TypeError, r"element\[1\] is 'a', but must be a real number"),
         ({"G": "x"}, TypeError, "G is 'x', but must be a real number"),
         ({"G": np.ones(2)}, TypeError, r"G is array\(\[1., 1.\]\), but must be a real number"),
         ({"x": 1j}, TypeError, "x has dtype complex128"),
         ({"nu": 0.6}, ValueError, "nu is 0.6, but Poisson's ratio"),
         ({"nu": None}, TypeError, "nu is None, but must be a real number"),
-        ({"K": 1.5}, ValueError, r"K is 1.5, but a difference parameter lies in \(-1.5, 1.5\)"),
+        ({"K": 1.5}, ValueError, r"K is 1.5, but a difference parameter must lie in \(-1.5, 1.5\)"),
         ({"K": np.nan}, ValueError, "K is nan"),
     ],
 )
@@ -269,7 +269,7 @@ def test_refuses_bad_grids():
         refuses(ValueError, r"grid_shape\[1\] is 0", lags, (4, 0), (1.0, 1.0))
         for grid_shape in ((4,), 4, (4, 4, 4)):
             refuses(ValueError, "two axes", lags, grid_shape, (1.0, 1.0))
-        refuses(ValueError, r"element is 1\.0, but an element has the two", lags, (4, 4), 1.0)
+        refuses(ValueError, r"element is 1\.0, but must have the two", lags, (4, 4), 1.0)
         with pytest.raises(TypeError):
             lags((4.0, 1), (1.0, 1.0))
     with pytest.raises(ValueError, match="n is 0"):

@@ -329,7 +329,7 @@ def test_wrong_systems_are_refused_by_all(comm):
         refuses(comm, ValueError, text, solve(b, inner=None if is_last else less))
         text = f"inner is {less.kind} on rank 0 and {A.kind} on rank"
         refuses(comm, ValueError, text, solve(b, inner=A if is_last else less))
-        text = f"rank {last}: inner is 3, but must be A in less precision"
+        text = f"rank {last}: inner is 3, but must be A in lower precision"
         refuses(comm, TypeError, text, solve(b, inner=3 if is_last else less))
 
 
