@@ -36,6 +36,19 @@ def test_tables_need_no_library(name, tmp_path, monkeypatch):
     assert surfaces.read(tmp_path / name).element is None
 
 
+@pytest.mark.parametrize("across", [460.0, 100.0])
+def test_yaw_twists_what_is_no_sphere(across):
+    y = np.linspace(-30.0, 30.0, 121)
+    pair = {
+        "wheel": np.c_[y, y**2 / (2 * across)],
+        "rail": np.c_[y, -(y**2) / 600],
+        "radius": 460.0,
+    }
+    gaps = [surfaces.wheel_rail((21, 21), (0.5, 0.5), **pair, yaw=k).gap for k in (0.02, 0.0)]
+    x, y = surfaces.centres((21, 21), (0.5, 0.5))
+    assert_allclose(gaps[0] - gaps[1], 0.02 * (1 / 460 - 1 / across) * x * y, atol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("comment", "scale"),
     [("heights in um", 1e-3), ("units: nm", 1e-6), ("z [µm]", 1e-3), ("x in mm, z in um", None)],

@@ -20,6 +20,7 @@ from toeplitz_mg.halfspace import Material
 from toeplitz_mg.tables import decode
 from toeplitz_mg.values import count, field, finite, positive, real, refuse_masked
 
+MOST_YAW = 0.1  # Largest yaw, radians: that of wheels in the tightest curves is a third of it.
 SAMPLES = 4000  # Places across the track at which the profiles are compared first.
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
@@ -60,6 +61,7 @@ def wheel_rail(
     radius: float,
     lateral: float = 0.0,
     roll: float = 0.0,
+    yaw: float = 0.0,
     smoothing: float = 0.0,
 ) -> WheelRail:
     """Return the gap between a wheel and a rail, in the frame of the contact.
@@ -80,6 +82,9 @@ def wheel_rail(
     roll : float
         The angle of the wheel about x, less the cant of the rail, radians: positive where its field
         side rises.
+    yaw : float
+        The angle of attack, radians, at most 0.1: positive where the wheel is turned from x towards
+        the field side.
     smoothing : float
         The weight λ of the curvature in the splines through the points, mm³: they minimise the
         squares of the distances plus λ ∫f″². Measured points need some, as curvatures decide on
@@ -104,8 +109,11 @@ def wheel_rail(
 
     Notes
     -----
-    The wheel is a body of revolution, without yaw; the rail is straight. They first touch where the
-    distance of the profiles is least.
+    The wheel is a body of revolution; the rail is straight. They first touch where the distance of
+    the profiles is least. A yaw ψ is taken to first order: the gap twists about its middle, which
+    is then ψ r sin(angle)/cos(angle - roll) ahead of the axle. What is left out moves the wheel by
+    about ½ ψ² r tan²(angle): for 460 mm and 0.04 by 4 µm on a tread of 1:10, on a flange of 60° by
+    1 mm.
 
     Examples
     --------
@@ -128,6 +136,9 @@ def wheel_rail(
     grid = Grid.of(counts, element, Material.from_shear(1.0, 0.0), None)
     R, moved = positive("radius", radius, "mm"), finite("lateral", lateral, "mm")
     turn, weight = finite("roll", roll, "rad"), real("smoothing", smoothing)
+    attack = finite("yaw", yaw, "rad")
+    if abs(attack) > MOST_YAW:
+        raise ValueError(f"yaw is {yaw}, but must be within {MOST_YAW}, as it is of first order")
     if not 0.0 <= weight < np.inf:
         raise ValueError(f"smoothing is {smoothing}, but must be at least zero, and finite")
     own, top = _read("wheel", wheel), _read("rail", rail)
@@ -144,12 +155,13 @@ def wheel_rail(
     y = _touch(f, g)
     z, angle = float(f.z(y)), float(np.arctan(g.z(y, 1)))
     # In the frame of the contact both profiles go through zero, level.
-    level, across, local = _turn(-angle), grid.centres()[1], []
+    level, across, local, slopes = _turn(-angle), grid.centres()[1], [], []
     point = y, float(g.z(y))
     for name, points, at in (("wheel", low, z), ("rail", top, point[1])):
         curve = _curve(name, (points - (y, at)) @ level, weight)
         inside = (across >= curve.low) & (across <= curve.high)
         local.append(np.where(inside, curve.z(across), np.nan))
+        slopes.append(curve.z(across, 1))
     # The rolling radius is less where the wheel's own profile is higher.
     places = np.stack([np.append(across, 0.0), np.append(local[0], 0.0)], axis=1) @ level.T
     own_places = (np.array([y - moved, z]) + places) @ turned.T
@@ -158,7 +170,12 @@ def wheel_rail(
     x = grid.centres()[0][:, None]
     if np.abs(x).max() >= r.min():
         raise ValueError(f"the grid reaches {np.abs(x).max():g} mm along x, beyond the wheel")
-    gap = local[0] - local[1] + np.cos(angle - turn) * (r - np.sqrt(r**2 - x**2))
+    tilt, high = np.cos(angle - turn), np.sqrt(r**2 - x**2)
+    gap = local[0] - local[1] + tilt * (r - high)
+    # A yaw turns the wheel about the normal by this angle, and else about its own axle.
+    twist, thinner = attack * np.cos(turn) / tilt, -np.sin(angle - turn) - tilt * slopes[0]
+    rise = slopes[0] + tilt * (1.0 - r / high) * thinner  # Of the wheel, across the rail.
+    gap += twist * x * (tilt * across / high - rise)
     gap = np.where(np.isfinite(gap), gap, np.inf)
     return WheelRail(gap, angle, point, rolling)
 
