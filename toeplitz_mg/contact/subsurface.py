@@ -87,7 +87,7 @@ class Stresses(Result):
     def _rules(self) -> Iterator[Rule]:
         yield Rule("body", self.body in BODIES, f"one of {', '.join(BODIES)}")
         yield Rule("depths", not (self.depths < 0.0).any(), "at least zero")
-        element = [float(x[-1] - x[0]) / max(1, len(x) - 1) or 1.0 for x in self.centres]
+        element = [float(np.ptp(x)) / max(1, len(x) - 1) or 1.0 for x in self.centres]
         yield from check_centres(self.centres, element)
 
     @property

@@ -46,8 +46,7 @@ class OnDemand:
 
 def find_state(result: Any) -> tuple[Any, ...]:
     """Return what a stiffness depends on: the elements in contact and the bodies."""
-    m = result.material
-    return result.pressure, result.element, result.periodic, (m.G, m.nu)
+    return result.pressure, result.element, result.periodic, result.material
 
 
 @files.loadable
