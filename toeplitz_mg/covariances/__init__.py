@@ -1,4 +1,4 @@
-"""Stationary covariances with their derivatives, on one axis and on grids."""
+"""Stationary covariances with derivatives, on one axis and on grids."""
 
 from toeplitz_mg.covariances.arma import ARFIMA, ARMA
 from toeplitz_mg.covariances.base import Covariance, Custom

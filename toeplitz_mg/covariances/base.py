@@ -1,4 +1,4 @@
-"""Covariances of parameters: their values and derivatives at the lags of a grid; sums, products."""
+"""Base classes of covariances with parameters, their derivatives, sums and products."""
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
@@ -17,16 +17,16 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.values import count, finite, in_range, numbers, positive
 
 POSITIVE = (0.0, inf)
-BOUNDS = {"nu": (0.0, 100.0), "hurst": (0.0, 1.0), "d": (-1.0, 0.5)}  # All others are positive.
-LAGGED = {"ar", "ma"}  # What has a value for each lag, bounded as with roots outside the circle.
+BOUNDS = {"nu": (0.0, 100.0), "hurst": (0.0, 1.0), "d": (-1.0, 0.5)}  # Others are positive.
+LAGGED = {"ar", "ma"}  # One value per lag; the polynomial has its roots outside the unit circle.
 SEVERAL = dict.fromkeys(("length", "period"), ", or one for each axis")
 SEVERAL |= dict.fromkeys(LAGGED, ", or a sequence of them")
-STEP = 6e-6  # Of central differences, relative to the parameter: eps^(1/3).
+STEP = 6e-6  # Step of central differences relative to the parameter: eps^(1/3).
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a covariance; those of one argument, such as lengths by axis, are a group."""
+    """A parameter of a covariance; several values of one argument form a group."""
 
     name: str
     group: str
@@ -46,7 +46,7 @@ class Parameter:
 
 
 class Lags:
-    """The lags of a grid: its shape, and the distances of its points."""
+    """The lags of a grid: its shape and spacing."""
 
     def __init__(self, n: Any, spacing: Any) -> None:
         shape = n if isinstance(n, tuple | list) else (n,)
@@ -64,7 +64,7 @@ class Lags:
             in_range("spacing", each)
 
     def by_axis(self, values: tuple[Any, ...], group: str) -> tuple[Any, ...]:
-        """Return one value for each axis, from one for all of them or from as many."""
+        """Return one value per axis, from one for all axes or one each."""
         if len(values) not in (1, len(self.shape)):
             raise ValueError(
                 f"{group} has {len(values)} values, but the grid has {len(self.shape)} axes: "
@@ -73,7 +73,7 @@ class Lags:
         return values if len(values) > 1 else values * len(self.shape)
 
     def counts(self) -> Sequence[Array]:
-        """Return the numbers 0, 1, … of the points along each axis, for broadcasting."""
+        """Return the indices 0, 1, … along each axis, for broadcasting."""
         return np.meshgrid(*map(np.arange, map(float, self.shape)), indexing="ij", sparse=True)
 
     def distances(self) -> Iterator[Array]:
@@ -82,39 +82,39 @@ class Lags:
             yield k * spacing if spacing != 1.0 else k
 
     def turns(self, periods: tuple[float, ...]) -> Iterator[Array]:
-        """Yield xᵢ/Tᵢ along each axis less whole turns, right to rounding at any lag."""
+        """Yield xᵢ/Tᵢ minus whole turns along each axis, accurate to rounding at any lag."""
         for k, spacing, T in zip(self.counts(), self.spacing, periods, strict=True):
             period = T / spacing
             error = float(Fraction(T) / Fraction(spacing) - Fraction(period))
             yield np.fmod(k, period) / period - k * (error / period**2)
 
     def steps(self, kind: str) -> int:
-        """Return the number of points, for a covariance of a process on one axis."""
+        """Return the number of points, for a covariance on one axis."""
         if len(self.shape) > 1:
             raise ValueError(f"{kind} is a process of one axis, but the grid has {self.shape}")
         return self.shape[0]
 
 
-Derivatives = dict[str, Array]  # By the names of parameters.
+Derivatives = dict[str, Array]  # By parameter name.
 
 
 class Covariance:
     """A stationary covariance on a regular grid, with its parameters.
 
     ``k(n)`` returns the covariances at the lags 0, 1, …, n - 1, the first column of a Toeplitz
-    matrix; ``k((n1, n2))`` those on a grid. ``spacing=`` is the distance of two neighbours, or one
-    for each axis, by default 1. ``k + l``, ``k * l`` and ``2.0 * k`` are sums, products and
-    multiples of the values. The number of a term stands before the names of its parameters:
-    ``"1.length"``; where a term is a sum itself, ``"0.1.length"``. Covariances are immutable.
+    matrix, and ``k((n1, n2))`` those on a grid. ``spacing=`` is the distance between neighbours
+    (default 1), or one per axis. ``k + l``, ``k * l`` and ``2.0 * k`` are sums, products and
+    multiples. Parameter names start with the number of the term, as in ``"1.length"``, or
+    ``"0.1.length"`` if the term is a sum itself. Covariances are immutable.
 
     Raises
     ------
     ValueError
-        For a parameter outside of its bounds, or of a size below 1e-40 or above 1e40.
+        If a parameter is outside of its bounds, or its magnitude is below 1e-40 or above 1e40.
 
     See Also
     --------
-    Custom : a covariance by a function of one's own.
+    Custom : a covariance given by your own function.
     toeplitz_mg.ToeplitzNormal : the normal distribution, ``ToeplitzNormal(k(n))``.
 
     Examples
@@ -129,22 +129,22 @@ class Covariance:
     array([2., 5.])
     """
 
-    __array_ufunc__ = None  # So that numbers of NumPy leave products to this class.
+    __array_ufunc__ = None  # So that NumPy scalars leave multiplication to this class.
     _parameters: tuple[Parameter, ...]
 
     def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
-        """Return the values, and the derivatives by the free parameters if they are wanted."""
+        """Return the values and, if requested, the derivatives by the free parameters."""
         raise NotImplementedError
 
     def _replaced(self, parameters: tuple[Parameter, ...]) -> Self:
-        """Return it with other values of the parameters, or with others free."""
+        """Return a copy with other values of the parameters, or other free parameters."""
         other = copy(self)
         other._parameters = parameters
         other._check()
         return other
 
     def _check(self) -> None:
-        """Refuse parameters that are no covariance together."""
+        """Raise an error if the parameters together do not give a covariance."""
 
     @property
     def _free(self) -> list[Parameter]:
@@ -152,10 +152,10 @@ class Covariance:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the free parameters, one for each value of an argument with several.
+        """The names of the free parameters, one for each value.
 
-        ``"length[0]"`` is the length along the first axis, ``"ar.L1"`` the first coefficient of an
-        autoregression.
+        ``"length[0]"`` is the length along the first axis, ``"ar.L1"`` the first autoregressive
+        coefficient.
         """
         return tuple(p.name for p in self._free)
 
@@ -166,13 +166,13 @@ class Covariance:
 
     @property
     def bounds(self) -> Array:
-        """The open intervals in which the free parameters must lie, of shape (p, 2)."""
+        """The open intervals for the free parameters, of shape (p, 2)."""
         return np.array([(p.low, p.high) for p in self._free], dtype=np.float64).reshape(-1, 2)
 
     def with_theta(self, theta: ArrayLike) -> Self:
-        """Return the covariance with other values of the free parameters, of shape (p,).
+        """Return a copy with other values of the free parameters, of shape (p,).
 
-        Raises a ValueError for another number of values, and for one outside of its bounds.
+        Raises a ValueError if the number of values is wrong, or a value is outside of its bounds.
         """
         values, names = numbers("theta", theta), self.names
         if values.shape != (len(names),):
@@ -185,10 +185,10 @@ class Covariance:
         )
 
     def fix(self, *names: str) -> Self:
-        """Return the covariance with these parameters held at their values.
+        """Return a copy in which these parameters are held at their values.
 
-        ``"length"`` also stands for ``"length[0]"``, ``"length[1]"``, …. Raises a ValueError for a
-        name that no parameter has.
+        ``"length"`` also means ``"length[0]"``, ``"length[1]"``, …. Raises a ValueError for an
+        unknown name.
         """
         for name in names:
             if not any(name in (p.name, p.group) for p in self._parameters):
@@ -210,14 +210,14 @@ class Covariance:
         return self.values_and_gradient(n, spacing=spacing)[1]
 
     def values_and_gradient(self, n: Any, *, spacing: Any = 1.0) -> tuple[Array, Array]:
-        """Return the covariances and their derivatives, which have much of the work in common.
+        """Return the covariances and their derivatives, which share much of the work.
 
         Returns
         -------
         values : ndarray of shape (n,) or (n1, n2, ...)
         gradient : ndarray of shape (p, n) or (p, n1, n2, ...)
-            The derivative of a log-likelihood by `theta` is the inner product of each row with the
-            `by_c` of `ToeplitzNormal.logpdf_and_grad`.
+            One row for each parameter. The derivative of a log-likelihood by `theta` is the inner
+            product of each row with `by_c` of `ToeplitzNormal.logpdf_and_grad`.
         """
         lags = Lags(n, spacing)
         values, rows = self._evaluate(lags, True)
@@ -235,7 +235,7 @@ class Covariance:
 
 
 class Kernel(Covariance):
-    """A covariance whose parameters are the arguments of its constructor, first its variance σ²."""
+    """A covariance whose parameters are its constructor's arguments, starting with σ²."""
 
     def __init__(self, **given: Any) -> None:
         parameters: list[Parameter] = []
@@ -254,7 +254,7 @@ class Kernel(Covariance):
         self._check()
 
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        """Return ρ, the values over σ², and its derivatives by the others of these parameters."""
+        """Return ρ = c/σ² and its derivatives by the other parameters in `wanted`."""
         raise NotImplementedError
 
     def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
@@ -264,7 +264,7 @@ class Kernel(Covariance):
         return variance.value * rho, rows
 
     def _values(self, group: str) -> tuple[float, ...]:
-        """Return the values of an argument."""
+        """Return the values of a constructor argument."""
         return tuple(p.value for p in self._parameters if p.group == group)
 
     def _names(self, group: str) -> tuple[str, ...]:
@@ -282,7 +282,7 @@ class Kernel(Covariance):
 
 
 class Composed(Covariance):
-    """A multiple of the sum or the product of terms, whose parameters are theirs."""
+    """A multiple of a sum or product of terms; its parameters are those of the terms."""
 
     _terms: tuple[Covariance, ...]
     _factor: Any  # A number.
@@ -316,7 +316,7 @@ class Composed(Covariance):
 
 
 class Sum(Composed):
-    """The sum of covariances, as of independent processes."""
+    """The sum of covariances, which is that of a sum of independent processes."""
 
     def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
         values, rows = zip(*(t._evaluate(lags, wants_gradient) for t in self._terms), strict=True)
@@ -327,7 +327,7 @@ class Sum(Composed):
 
 
 class Product(Composed):
-    """The product of covariances, and of a number."""
+    """The product of covariances and a number."""
 
     def _evaluate(self, lags: Lags, wants_gradient: bool) -> tuple[Array, list[Array]]:
         values, each = zip(*(t._evaluate(lags, wants_gradient) for t in self._terms), strict=True)
@@ -343,25 +343,25 @@ class Product(Composed):
 
 
 class Custom(Covariance):
-    """A covariance by a function of one's own.
+    """A covariance given by your own function.
 
     Parameters
     ----------
     function : callable
-        ``function(lags, *theta)`` returns the covariances at `lags`, an array of shape (n,); on a
-        grid of d axes of shape (d, n1, n2, ...), the result being of shape (n1, n2, ...).
+        ``function(lags, *theta)`` returns the covariances at `lags`, an array of shape (n,). On a
+        grid with d axes, `lags` has shape (d, n1, n2, ...) and the result (n1, n2, ...).
     names : sequence of str
     theta : array_like of shape (p,)
         The names and the values of the parameters.
     bounds : array_like of shape (p, 2), optional
-        Open intervals in which they lie, by default of all numbers.
+        Open intervals for the parameters; by default unbounded.
     gradient : callable, optional
-        ``gradient(lags, *theta)`` returns the derivatives by the parameters, an array of p rows.
-        By default they are central differences, right to some ten digits.
+        ``gradient(lags, *theta)`` returns the derivatives by the parameters, as an array with p
+        rows. By default central differences are used, accurate to some ten digits.
 
     See Also
     --------
-    Covariance : what can be done with it.
+    Covariance : the methods of all covariances.
 
     Examples
     --------

@@ -8,9 +8,9 @@ from scipy.special import psi
 
 from toeplitz_mg._typing import Array
 
-WIDTH, NODES = 0.5, 18  # Of the intervals of log r, and nodes in each: errors of rounding.
-SPACING = 0.2  # Of the trapezoidal rule, where the integrand is not narrower.
-GROUP = 8  # Nodes of the trapezoidal rule from one look for what has converged to the next.
+WIDTH, NODES = 0.5, 18  # Intervals of log r and nodes in each; the error is rounding.
+SPACING = 0.2  # Largest step of the trapezoidal rule; it is smaller for a narrow integrand.
+GROUP = 8  # Nodes of the trapezoidal rule between two checks for convergence.
 
 
 def integrate(r: Array, nu: float) -> Array:
@@ -21,7 +21,7 @@ def integrate(r: Array, nu: float) -> Array:
     """
     x = sqrt(2.0 * nu) * r
     log_x, log_factor = np.log(x), (1.0 - nu) * log(2.0) - lgamma(nu)
-    shift = log_x - log(2.0) - psi(nu)  # So that its sum with t is 1/(2ν) at the peak.
+    shift = log_x - log(2.0) - psi(nu)  # So that the sum of t and this is 1/(2ν) at the peak.
     peak = np.arcsinh(nu / x)
     # exp(νt - x cosh t) has the curvature (x² + ν²)^½ at its peak.
     step = np.minimum(SPACING, 0.7 / (x * x + nu * nu) ** 0.25)
@@ -38,15 +38,15 @@ def integrate(r: Array, nu: float) -> Array:
         i += 1
         if i % GROUP == 0:
             live = live[(t < peak[live]) | (up * (1.0 + t) > 1e-19 * rho[live])]
-    by_nu -= slope / (2.0 * nu)  # As x depends on ν at the same r.
+    by_nu -= slope / (2.0 * nu)  # Since x depends on ν at constant r.
     return sums
 
 
 def matern(r: Array, nu: float) -> Array:
-    """Return ρ(r), -r ρ'(r) and ∂ρ/∂ν of distances r > 0 in lengths, as three rows.
+    """Return ρ(r), -r ρ'(r) and ∂ρ/∂ν for scaled distances r > 0, as three rows.
 
-    They are analytic in log r in a strip of width π around the axis, so that Chebyshev
-    interpolation on short intervals has an error of rounding.
+    They are analytic in log r in a strip of width π around the real axis, so Chebyshev
+    interpolation on short intervals is accurate to rounding.
     """
     u = np.log(r)
     first = u.min()

@@ -12,15 +12,15 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.covariances.base import Derivatives, Kernel, Lags
 from toeplitz_mg.covariances.bessel import matern
 
-FAR = 800.0  # Of larger arguments exp(-x) is zero, in double precision.
+FAR = 800.0  # For larger x, exp(-x) underflows to zero in double precision.
 
 
 class WhiteNoise(Kernel):
-    """White noise, of a measurement for example: the variance at lag zero, zero elsewhere.
+    """White noise, for example of a measurement: σ² at lag zero, zero elsewhere.
 
     See Also
     --------
-    Covariance : what can be done with it.
+    Covariance : the methods of all covariances.
 
     Examples
     --------
@@ -39,13 +39,13 @@ class WhiteNoise(Kernel):
 
 
 class Radial(Kernel):
-    """A covariance σ² ρ(r) of the distance in lengths, r = (Σ (xᵢ/ℓᵢ)²)^½."""
+    """A covariance σ² ρ(r) of the scaled distance r = (Σ (xᵢ/ℓᵢ)²)^½."""
 
     def __init__(self, variance: Any = 1.0, length: Any = 1.0) -> None:
         super().__init__(variance=variance, length=length)
 
     def _profile(self, r: Array, wanted: frozenset[str]) -> tuple[Array, Array, Derivatives]:
-        """Return ρ(r), -r ρ'(r), and the derivatives of ρ by parameters beside the length."""
+        """Return ρ(r), -r ρ'(r), and the derivatives of ρ by parameters other than the length."""
         raise NotImplementedError
 
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
@@ -69,12 +69,12 @@ class Exponential(Radial):
     Parameters
     ----------
     variance, length : float
-        σ², and ℓ in the units of `spacing`; on a grid ℓ may be a sequence of one length for each
-        axis, r being (Σ (xᵢ/ℓᵢ)²)^½.
+        σ², and ℓ in the units of `spacing`. On a grid, ℓ may be a sequence with one length per
+        axis; then r = (Σ (xᵢ/ℓᵢ)²)^½.
 
     See Also
     --------
-    Matern : of which it is that with ν = ½; the others are smoother.
+    Matern : smoother processes; this is the case ν = ½.
 
     Examples
     --------
@@ -97,14 +97,14 @@ class Matern(Radial):
     Parameters
     ----------
     variance, length : float
-        σ² and ℓ, as of `Exponential`.
+        σ² and ℓ, as for `Exponential`.
     nu : float
-        ν, below 100; it is a free parameter unless held by ``.fix("nu")``. The process is
-        differentiable k times where ν > k.
+        ν, below 100; a free parameter unless held by ``.fix("nu")``. The process is k times
+        differentiable for ν > k.
 
     See Also
     --------
-    Exponential, SquaredExponential : of which they are those with ν = ½ and of ν → ∞.
+    Exponential, SquaredExponential : the cases ν = ½ and ν → ∞.
 
     References
     ----------
@@ -147,17 +147,17 @@ CLOSED_FORMS = {
 class SquaredExponential(Radial):
     """The squared exponential, or Gaussian, covariance: σ² exp(-r²/2), r = distance/ℓ.
 
-    Where ℓ is several spacings its matrix is positive definite in double precision only with some
-    `WhiteNoise` beside it.
+    If ℓ is several spacings, add `WhiteNoise`: otherwise the matrix is not positive definite in
+    double precision.
 
     Parameters
     ----------
     variance, length : float
-        σ² and ℓ, as of `Exponential`.
+        σ² and ℓ, as for `Exponential`.
 
     See Also
     --------
-    Matern : processes that are less smooth, with matrices that are better conditioned.
+    Matern : less smooth processes, with better conditioned matrices.
 
     Examples
     --------
@@ -173,20 +173,20 @@ class SquaredExponential(Radial):
 
 
 class Periodic(Kernel):
-    """A periodic covariance, σ² exp(-2/ℓ² Σ sin²(π xᵢ/Tᵢ)), the sum being over the axes.
+    """A periodic covariance, σ² exp(-2/ℓ² Σ sin²(π xᵢ/Tᵢ)), summed over the axes.
 
-    Its matrix is singular where the lags are several periods: add `WhiteNoise`, or multiply by a
+    Its matrix is singular if the lags cover several periods: add `WhiteNoise`, or multiply by a
     covariance that decays, ``Periodic(period=12.0) * Exponential(length=100.0).fix("variance")``.
 
     Parameters
     ----------
     variance, length, period : float
-        σ²; ℓ, without a unit: below 1 the process has many waves in a period; T, in the units of
-        `spacing`, on a grid also one for each axis.
+        σ²; the dimensionless ℓ (below 1 the process has many waves per period); T in the units of
+        `spacing`, on a grid also one per axis.
 
     See Also
     --------
-    DampedCosine : waves that forget their phase.
+    DampedCosine : waves whose phase decorrelates.
 
     Examples
     --------
@@ -212,18 +212,18 @@ class Periodic(Kernel):
 
 
 class DampedCosine(Exponential):
-    """A damped cosine, σ² exp(-r) Π cos(2π xᵢ/Tᵢ), r = distance/ℓ, the product being over the axes.
+    """A damped cosine, σ² exp(-r) Π cos(2π xᵢ/Tᵢ) over the axes, with r = distance/ℓ.
 
-    It is positive definite for any length and period, on grids as a product of covariances.
+    It is positive definite for any length and period; on grids it is a product of covariances.
 
     Parameters
     ----------
     variance, length, period : float
-        σ², ℓ and T, in the units of `spacing`; ℓ and T may be one for each axis of a grid.
+        σ², ℓ and T, in the units of `spacing`; on a grid, ℓ and T may be one per axis.
 
     See Also
     --------
-    Periodic : waves that keep their phase.
+    Periodic : waves with a constant phase.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The normal distribution on arrays of other libraries than NumPy's, and inside `jax.jit`."""
+"""The normal distribution for arrays of other libraries, also inside `jax.jit`."""
 
 from functools import cache
 from inspect import ismethod
@@ -13,22 +13,22 @@ from toeplitz_mg.values import is_foreign, is_traced
 
 
 class ArrayNormal:
-    """A `ToeplitzNormal` of covariances that are an array of CuPy, torch or JAX.
+    """A `ToeplitzNormal` whose covariances are an array of CuPy, torch or JAX.
 
-    Its methods are those of `ToeplitzNormal`, for series of the same library, and are computed on
-    the processor; arrays of what they return lie where the covariances do. Inside `jax.grad`,
-    `jax.jit` and `jax.vmap` `logpdf` is a callback with derivatives by c, y and mean; where c is
-    not positive definite it is NaN. `on_numpy` is the class of the distribution on NumPy's arrays.
+    It has the methods of `ToeplitzNormal` for series of the same library. They run on the CPU;
+    returned arrays are on the device of the covariances. Inside `jax.grad`, `jax.jit` and
+    `jax.vmap`, `logpdf` is a callback with derivatives by c, y and mean, and NaN if c is not
+    positive definite. `on_numpy` is the class of the distribution for NumPy arrays.
     """
 
     def __init__(self, on_numpy: Any, c: Any, mean: Any = 0.0, noise: Any = None) -> None:
         self._on_numpy, self.c, self.mean, self.noise = on_numpy, c, mean, noise
         self.shape = tuple(c.shape)
         if not is_traced(c, mean, noise):
-            self._on_host()  # What is wrong is refused at once.
+            self._on_host()  # Raises errors of the arguments now.
 
     def _on_host(self) -> Any:
-        """Return the distribution on NumPy's arrays."""
+        """Return the distribution with NumPy arrays."""
         return self._on_numpy(*map(_to_host, (self.c, self.mean, self.noise)))
 
     def logpdf(self, y: Any, observed: Any = None) -> Any:
@@ -40,27 +40,27 @@ class ArrayNormal:
         return _traced(self._on_numpy)(self.c, y - self.mean)
 
     def __getattr__(self, name: str) -> Any:
-        """Return a method of the distribution on NumPy's arrays, between arrays of the library."""
+        """Return a method that converts arrays to NumPy and back."""
         if name.startswith("_") or not callable(getattr(self._on_numpy, name, None)):
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
         library = library_of(self.c)
 
         def method(*args: Any, **kwargs: Any) -> Any:
             if args and name != "rvs":
-                library.read("y", args[0])  # It refuses arrays of others.
+                library.read("y", args[0])  # Raises an error for arrays of other libraries.
             return getattr(Returned(self._on_host(), library), name)(*args, **kwargs)
 
         return method
 
 
 class Returned:
-    """A result whose arrays, and those of what its methods return, are of another library."""
+    """A result whose arrays, including those that its methods return, are of another library."""
 
     def __init__(self, result: Any, library: Any) -> None:
         self._result, self._library = result, library
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):  # As of what copies and pickles, which ask before it is built.
+        if name.startswith("__"):  # Copying and pickling ask for these before it is initialised.
             raise AttributeError(name)
         return self._take(getattr(self._result, name))
 
@@ -68,7 +68,7 @@ class Returned:
         return repr(self._result)
 
     def _take(self, a: Any) -> Any:
-        """Return arrays as those of the library, and what has arrays as such a result."""
+        """Return arrays as arrays of the library, and wrap objects that contain arrays."""
         if isinstance(a, np.ndarray):
             return self._library.from_numpy(a)
         if isinstance(a, tuple):
@@ -81,13 +81,13 @@ class Returned:
 
 
 def _to_host(a: Any) -> Any:
-    """Return an array of another library as one of NumPy's; all else as it is."""
+    """Return an array of another library as a NumPy array; return anything else unchanged."""
     return library_of(a).to_numpy(a) if is_foreign(a) else a
 
 
 @cache
 def _traced(on_numpy: Any) -> Any:
-    """Return the density as a function of c and y - mean that JAX can differentiate."""
+    """Return the log-density as a function of c and y - mean that JAX can differentiate."""
     import jax
     import jax.numpy as jnp
 
@@ -95,7 +95,7 @@ def _traced(on_numpy: Any) -> Any:
         c, y = np.asarray(c), np.asarray(y)
         try:
             found = on_numpy(c).logpdf_and_grad(y)
-        except np.linalg.LinAlgError:  # An error in a callback would end the program.
+        except np.linalg.LinAlgError:  # An exception in a callback would abort the program.
             lead = y.shape[: y.ndim - c.ndim]
             found = (np.full(shape, np.nan) for shape in (lead, y.shape, y.shape))
         return tuple(np.asarray(a, y.dtype) for a in found)

@@ -1,4 +1,4 @@
-"""Fisher's information of a normal distribution whose covariance depends on parameters."""
+"""Fisher information of a normal distribution whose covariance depends on parameters."""
 
 from dataclasses import replace
 
@@ -11,10 +11,10 @@ from toeplitz_mg.operators import ToeplitzOperator
 
 
 def covariance_information(known: Observed, derivatives: Array) -> Array:
-    """Return tr(A_oo⁻¹ ∂ᵢA_oo A_oo⁻¹ ∂ⱼA_oo)/2, given the derivatives ∂ᵢc of the covariances.
+    """Return tr(A_oo⁻¹ ∂ᵢA_oo A_oo⁻¹ ∂ⱼA_oo)/2 from the derivatives ∂ᵢc of the covariances.
 
-    With D_k, twice the derivative of log det A_oo by c_k for k > 0, that is -Σ_k ∂ᵢc_k ∂ⱼD_k, with
-    half of the first term. Of few observed points it is that of dense matrices.
+    Let D_k be twice the derivative of log det A_oo by c_k for k > 0. The information is -Σ_k ∂ᵢc_k
+    ∂ⱼD_k, with half of the first term. For few observed points dense matrices are used.
     """
     if isinstance(known, Few):
         blocks = [known.divide(ToeplitzOperator(dc).block(known.index)) for dc in derivatives]
@@ -24,17 +24,17 @@ def covariance_information(known: Observed, derivatives: Array) -> Array:
     elif isinstance(known, Gaps):
         changes = _differentiate_with_gaps(known, derivatives)
     else:
-        known.logdet()  # It says why there is none.
+        known.logdet()  # Raises the error that explains why.
     weights = np.where(np.arange(derivatives.shape[1]) > 0, -1.0, -0.5)
     information = (derivatives * weights) @ np.transpose(changes)
     return 0.5 * (information + information.T)
 
 
 def information_of_contrasts(known: Observed, Z: Rows, inside: Mask, derivatives: Array) -> Array:
-    """Return by how much restricted likelihood has less information than likelihood.
+    """Return how much less information the restricted likelihood has than the likelihood.
 
-    That of restricted likelihood is tr(P ∂ᵢA P ∂ⱼA)/2, P = A_oo⁻¹ - Z Zᵀ, Z = A_oo⁻¹ Q M^(-1/2) and
-    M = Qᵀ A_oo⁻¹ Q. The columns of Z are the rows here.
+    The restricted likelihood has tr(P ∂ᵢA P ∂ⱼA)/2 with P = A_oo⁻¹ - Z Zᵀ, Z = A_oo⁻¹ Q M^(-1/2)
+    and M = Qᵀ A_oo⁻¹ Q. The rows of `Z` are the columns of this Z.
     """
     W = [ToeplitzOperator(dc).apply(Z) * inside for dc in derivatives]
     solved, blocks = [known.solve(rows)[0] for rows in W], [rows @ Z.T for rows in W]
@@ -45,7 +45,7 @@ def information_of_contrasts(known: Observed, Z: Rows, inside: Mask, derivatives
 def _differentiate(whole: Whole, derivatives: Array) -> list[tuple[Array, Array]]:
     """Return the derivatives of x = A⁻¹ e₁ and of the sums D of the diagonals of A⁻¹.
 
-    The one is -A⁻¹ ∂A x. D x₀ is a quadratic form of x (`SzegoPolynomial.diagonal_sums`).
+    The first is -A⁻¹ ∂A x. D x₀ is a quadratic form of x (`SzegoPolynomial.diagonal_sums`).
     """
     column = whole.column
     x, circle, n = column.x, column.polynomial.circle, len(column.x)
@@ -63,9 +63,9 @@ def _differentiate(whole: Whole, derivatives: Array) -> list[tuple[Array, Array]
 def _differentiate_with_gaps(gaps: Gaps, derivatives: Array) -> list[Array]:
     """Return the derivatives of D with gaps (see `Gaps.by_covariances`).
 
-    It is less than that of the whole series by the correlation of x with λ = A⁻¹ ∇, ∇ the
-    derivatives of log det B by x. Where x changes by ∂x, B x₀ is quadratic in x, and ∇ x₀ is linear
-    in x and in B⁻¹ but for a constant: differences of them are derivatives exactly.
+    D is that of the whole series minus the correlation of x with λ = A⁻¹ ∇, where ∇ is the
+    derivative of log det B by x. For a change ∂x of x, B x₀ is quadratic in x, and ∇ x₀ is linear
+    in x and in B⁻¹ up to a constant, so differences give exact derivatives.
     """
     column, index = gaps.whole.column, gaps.missing
     x, circle, inverse = column.x, column.polynomial.circle, gaps.inverse()

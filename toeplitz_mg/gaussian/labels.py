@@ -1,4 +1,4 @@
-"""The numbers of a series with gaps, and its index if it is one of pandas."""
+"""The values of a series with gaps, and its pandas index if it has one."""
 
 import warnings
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from toeplitz_mg.values import numbers
 
 @dataclass(frozen=True)
 class Labels:
-    """A series or field that is NaN where nothing was observed."""
+    """A series or field with NaN where nothing was observed."""
 
     values: Array
-    series: Any = None  # The Series that was given, whose index comes out.
+    series: Any = None  # The given Series, whose index is used for results.
 
     @classmethod
     def of(cls, y: Any) -> "Labels":
-        """Take arrays, masked arrays, and Series whose index has equal steps."""
+        """Accept arrays, masked arrays, and Series whose index has equal steps."""
         if hasattr(y, "columns"):
             raise TypeError("y is a table, but must be a series: take one of its columns")
         if hasattr(y, "iloc"):
@@ -35,20 +35,20 @@ class Labels:
         return "y" if name is None else str(name)
 
     def wrap(self, values: Array) -> Any:
-        """Return values as what was given; where there are more of them the index goes on."""
+        """Return values in the form of the input; for additional values the index is continued."""
         if self.series is None:
             return values
         index = self.index(len(values) - len(self.values))
         return type(self.series)(values, index=index, name=self.series.name)
 
     def index(self, steps: int, spacing: float = 1.0) -> Any:
-        """Return the index with so many steps more, or else the multiples of the spacing."""
+        """Return the index continued by so many steps, or multiples of the spacing."""
         if self.series is None:
             return np.arange(len(self.values) + steps) * spacing
         index = self.series.index
         if not steps:
             return index
-        import pandas as pd  # It is there, as y is one of its series.
+        import pandas as pd  # Installed, as y is a pandas Series.
 
         if isinstance(index, pd.DatetimeIndex):
             times = pd.date_range(index[-1], periods=steps + 1, freq=_frequency(index))
@@ -58,7 +58,7 @@ class Labels:
 
 
 def fill(y: ArrayLike) -> Array:
-    """Return a copy of y, with NaN where it is masked."""
+    """Return a copy of y with NaN where it is masked."""
     if not isinstance(y, np.ma.MaskedArray):
         return numbers("y", y)
     values = numbers("y", np.asarray(y.data))
@@ -67,15 +67,15 @@ def fill(y: ArrayLike) -> Array:
 
 
 def _frequency(index: Any) -> Any:
-    """Return the frequency of times, or None where their steps are not equal."""
+    """Return the frequency of timestamps, or None if their steps differ."""
     import pandas as pd
 
-    with warnings.catch_warnings(action="ignore"):  # Of its type in pandas 4.
+    with warnings.catch_warnings(action="ignore"):  # A deprecation in pandas 4.
         return index.freq or pd.infer_freq(index)
 
 
 def _check_index(index: Any) -> None:
-    """Refuse an index with rows that are missing: a gap must be a NaN."""
+    """Raise an error if rows of an index are missing: gaps must be NaN."""
     import pandas as pd
 
     if len(index) < 3:

@@ -260,8 +260,8 @@ class ToeplitzNormal:
 
         Notes
         -----
-        With α = A⁻¹ (y - mean), the derivative by c_k is Σ_i α_i α_(i+k) - Σ_i (A⁻¹)_(i,i+k); for k
-        = 0 it is half of that.
+        With α = A⁻¹ (y - mean), the derivative by c_k is Σ_i α_i α_(i+k) - Σ_i (A⁻¹)_(i,i+k), for
+        k = 0 half of that.
 
         Examples
         --------

@@ -1,6 +1,6 @@
-"""What is known of the covariance A_oo of the observed points of a grid: `observe` chooses how.
+"""The covariance matrix A_oo of the observed points of a grid; `observe` chooses a class.
 
-E extends what is observed by zeros to the grid.
+E extends a vector of observed values by zeros to the grid.
 """
 
 import os
@@ -31,30 +31,30 @@ from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 
-MOST = 4096  # Points, missing or observed, of which a dense matrix is factorised: 134 MB.
-PART = 64  # Rows that are made, or multiplied, at once.
-RTOL = 1e-11  # Relative residual of an iteration.
-MOST_ITERATIONS = 1000  # Iterations after which the matrix is said to be too ill-conditioned.
-NEAR = 64  # Rows of the inverse that take as long, one from the other, as a product.
-PANEL = 2**16  # Numbers of the rows that are made at once: they stay in the cache.
-LOST = 1 / 30  # Relative error of derivatives over that of the covariance of what is missing.
+MOST = 4096  # Largest number of (missing or observed) points for a dense matrix: 134 MB.
+PART = 64  # Number of rows that are computed or multiplied at once.
+RTOL = 1e-11  # Relative residual of CG.
+MOST_ITERATIONS = 1000  # Limit of iterations; beyond it the matrix is too ill-conditioned.
+NEAR = 64  # Row by row, this many rows of the inverse take as long as one product.
+PANEL = 2**16  # Size of the panels of rows, which fit into the cache.
+LOST = 1 / 30  # Relative error of derivatives over that of the covariance of the missing points.
 INEXACT = 1e-8  # Relative error of derivatives above which there is a warning.
-NOISY = 1e-3  # Rounding of a quadratic form, for each unknown, above which there is a warning.
+NOISY = 1e-3  # Rounding error of a quadratic form per unknown, above which there is a warning.
 
 
 class Known:
-    """What is known of observed points."""
+    """The covariance of the observed points, in any representation."""
 
     A: ToeplitzOperator
 
     @property
     def rounding(self) -> float:
-        """An estimate of the relative error of the covariance of what is missing."""
+        """The estimated relative error of the covariance of the missing points."""
         return 0.0
 
     @property
     def doubt(self) -> str:
-        """What a warning says of the log-determinant."""
+        """The text of a warning about the log-determinant, or an empty string."""
         return ""
 
     def solve(self, Y: Rows) -> tuple[Rows, Array]:
@@ -62,7 +62,7 @@ class Known:
         raise NotImplementedError
 
     def estimate(self, Y: Rows) -> Rows:
-        """Return A α, the means of all points, which at those observed is y but for rounding."""
+        """Return A α, the means of all points; at observed points this is y up to rounding."""
         return self.A.apply(self.solve(Y)[0])
 
 
@@ -90,7 +90,7 @@ class Whole(Known):
 
     @property
     def doubt(self) -> str:
-        """What a warning says of the log-determinant."""
+        """The text of a warning about the log-determinant."""
         return self.log_determinant.doubt(self.A.shape[0])
 
     def logdet(self) -> float:
@@ -98,27 +98,27 @@ class Whole(Known):
         return self.log_determinant.value
 
     def by_covariances(self, X: Rows) -> Array:
-        """Return the derivatives of the logarithm of the density by all c, for each row α."""
+        """Return the derivatives of the log-density by c, for each row α."""
         return _by_lags(X, self.column.polynomial.diagonal_sums)
 
     def variances(self) -> Array:
-        """Return none."""
+        """Return an empty array: no points are missing."""
         return np.empty(0)
 
     def inverse_diagonal(self) -> Array:
         """Return (A⁻¹)_ii = Σ_(k≤i) (x_k² - x_(n-k)²)/x₀."""
         x = self.column.x
         y = np.append(0.0, x[:0:-1])
-        half = (len(x) + 1) // 2  # It is the same from the end: fewer terms have less rounding.
+        half = (len(x) + 1) // 2  # The diagonal is symmetric; fewer terms have less rounding.
         diagonal = np.cumsum((x - y)[:half] * (x + y)[:half]) / x[0]
         return np.append(diagonal, diagonal[: len(x) - half][::-1])
 
 
 @dataclass(frozen=True)
 class Gaps(Known):
-    """A series of which few points are missing, at positions m.
+    """A series with few missing points, at positions m.
 
-    With B = (A⁻¹)_mm it is E A_oo⁻¹ Eᵀ = A⁻¹ - A⁻¹_:m B⁻¹ A⁻¹_m:, and det A_oo = det A det B.
+    With B = (A⁻¹)_mm, E A_oo⁻¹ Eᵀ = A⁻¹ - A⁻¹_:m B⁻¹ A⁻¹_m: and det A_oo = det A det B.
     """
 
     whole: Whole
@@ -126,16 +126,16 @@ class Gaps(Known):
 
     @cached_property
     def _factor(self) -> Array:
-        """Cholesky's lower factor of B; above the diagonal anything."""
-        # The transpose is as Fortran stores it, and so its other half is what is known.
+        """The lower Cholesky factor of B; the entries above the diagonal are arbitrary."""
+        # LAPACK stores by columns, so the transpose has the known triangle of B.
         B = inverse_block(self.whole.column, self.missing).T
         factor: Array = cho_factor(B, lower=True, overwrite_a=True, check_finite=False)[0]
         return factor
 
     def solve(self, Y: Rows) -> tuple[Rows, Array]:
-        """Return A⁻¹ v, where v is y, and on the gaps such that A⁻¹ v is zero there; and vᵀ A⁻¹ v.
+        """Return A⁻¹ v and vᵀ A⁻¹ v, where v extends y into the gaps so that A⁻¹ v is zero there.
 
-        That is least for this v, so that the rounding of v counts by its square.
+        This v minimises vᵀ A⁻¹ v, so rounding errors of v have a quadratic effect only.
         """
         V, X = self._continue(Y)
         self.whole.column.refine(V, X)
@@ -144,13 +144,14 @@ class Gaps(Known):
         return X, squares
 
     def estimate(self, Y: Rows) -> Rows:
-        """Return v: where A is so ill-conditioned that α has no digits, v still has."""
+        """Return v, which is accurate even if A is so ill-conditioned that α is not."""
         return self._continue(Y)[0]
 
     def _continue(self, Y: Rows) -> tuple[Rows, Rows]:
-        """Return v, which continues y into the gaps as well as can be, and A⁻¹ v.
+        """Return v, the best extension of y into the gaps, and A⁻¹ v.
 
-        The second step makes up for the rounding of the first, whose y falls to zero there.
+        The second step corrects the rounding errors of the first, where y falls to zero in the
+        gaps.
         """
         V, m = Y.copy(), self.missing
         for _ in range(2):
@@ -164,12 +165,12 @@ class Gaps(Known):
 
     @cached_property
     def _root(self) -> Array:
-        """L⁻¹, by which B⁻¹ = L⁻ᵀ L⁻¹ is the covariance of what is missing, given the rest."""
+        """L⁻¹, where B⁻¹ = L⁻ᵀ L⁻¹ is the covariance of the missing points given the rest."""
         return np.triu(dtrtri(self._factor, lower=1)[0].T).T
 
     @cached_property
     def _upper(self) -> Array:
-        """B⁻¹ on and above its diagonal; below anything."""
+        """B⁻¹ on and above its diagonal; the entries below are arbitrary."""
         return dlauum(self._root, lower=1)[0].T
 
     def inverse(self) -> Array:
@@ -178,11 +179,11 @@ class Gaps(Known):
         return upper + np.triu(upper, 1).T
 
     def variances(self) -> Array:
-        """Return the variances of what is missing, given what is observed."""
+        """Return the variances of the missing points given the observed ones."""
         return np.vecdot(self._root.T, self._root.T)
 
     def inverse_diagonal(self) -> Array:
-        """Return that of A⁻¹ without that of W Wᵀ, W = A⁻¹_:m L⁻ᵀ."""
+        """Return the diagonal of A⁻¹ minus that of W Wᵀ, W = A⁻¹_:m L⁻ᵀ."""
         diagonal = self.whole.inverse_diagonal()
         for first in range(0, len(self.missing), PART):
             part = self._root[first : first + PART]
@@ -194,20 +195,20 @@ class Gaps(Known):
 
     @property
     def doubt(self) -> str:
-        """That of the whole series, on whose log-determinant this one rests."""
+        """The warning for the whole series, whose log-determinant is part of this one."""
         return self.whole.doubt
 
     @property
     def rounding(self) -> float:
-        """That of B⁻¹, which is large where a long gap is smooth."""
+        """The error of B⁻¹, which is large for a long gap in a smooth process."""
         polynomial = self.whole.column.polynomial
         size = polynomial.x[0] * np.abs(polynomial.values).max() ** 2  # At least ‖A⁻¹‖.
         return 3.0 * EPS * float(size * self.variances().sum())
 
     def by_covariances(self, X: Rows) -> Array:
-        """Return the derivatives of the logarithm of the density by all c, for each row α.
+        """Return the derivatives of the log-density by c, for each row α.
 
-        Those of log det B by x = A⁻¹ e₁ are turned into those by c by one more solve, as
+        One more solve converts the derivatives of log det B by x = A⁻¹ e₁ to those by c, as
         dx = -A⁻¹ dA x.
         """
         x = self.whole.column.x
@@ -220,14 +221,14 @@ class Gaps(Known):
 
 @dataclass(frozen=True)
 class Scattered(Known):
-    """A grid of any number of axes that is observed anywhere, with noise that differs by point."""
+    """Any observed points on a grid with any number of axes, with noise that may differ."""
 
     A: ToeplitzOperator
     mask: Mask
     noise: Array | None = None
 
     def variances(self) -> Array:
-        """Return the diagonal of A_mm - A_mo A_oo⁻¹ A_om, with the noise of what is missing."""
+        """Return the diagonal of A_mm - A_mo A_oo⁻¹ A_om, including the noise of missing points."""
         inside = self.mask.ravel()
         missing = np.flatnonzero(~inside)
         variances = np.full(len(missing), float(self.A.c.flat[0]))
@@ -246,16 +247,16 @@ class Scattered(Known):
 
 @dataclass(frozen=True)
 class Few(Scattered):
-    """A grid of which few points are observed: the dense matrix."""
+    """Few observed points on a grid: a dense matrix."""
 
     @cached_property
     def index(self) -> Array:
-        """The observed points."""
+        """The positions of the observed points."""
         return np.flatnonzero(self.mask)
 
     @cached_property
     def _factor(self) -> Array:
-        """Cholesky's lower factor L of A_oo; zeros above the diagonal."""
+        """The lower Cholesky factor L of A_oo; zeros above the diagonal."""
         matrix = np.empty((len(self.index), len(self.index)))
         for first in range(0, len(matrix), PART):
             rows = slice(first, first + PART)
@@ -286,21 +287,21 @@ class Few(Scattered):
         return 2.0 * float(np.log(self._factor.diagonal()).sum())
 
     def whiten(self, Y: Rows) -> Rows:
-        """Return L⁻¹ y_o for each row, NaN where it is not observed."""
+        """Return L⁻¹ y_o for each row, NaN at missing points."""
         X = np.full_like(Y, np.nan)
         X[:, self.index] = solve_triangular(self._factor, Y[:, self.index].T, lower=True).T
         return X
 
     def colorize(self, Z: Rows) -> Rows:
-        """Return L z for each row z, of all points."""
+        """Return L z for each row z, at all points."""
         return Z @ self._factor.T
 
     def by_covariances(self, X: Rows) -> Array:
-        """Return half of the sums of α αᵀ - A_oo⁻¹ over the pairs of points of the same lag.
+        """Return half of the sums of α αᵀ - A_oo⁻¹ over the pairs of points with the same lag.
 
-        A lag is that along each axis, of either sign.
+        Lags that differ only in the signs of their components count as the same.
         """
-        inverse = dpotri(self._factor, lower=1)[0]  # Its lower triangle, as of what follows.
+        inverse = dpotri(self._factor, lower=1)[0]  # Only its lower triangle is set.
         alphas, points = X[:, self.index], np.unravel_index(self.index, self.A.grid_shape)
         sums = np.zeros_like(X)
         for first in range(0, len(inverse), PART):
@@ -314,7 +315,7 @@ class Few(Scattered):
         return sums
 
     def squares(self, Y: Rows) -> Array:
-        """Return |L⁻¹ y_o|² for each row y, at half the price of a solve."""
+        """Return |L⁻¹ y_o|² for each row y, at half the cost of a solve."""
         X = self.whiten(Y)[:, self.index]
         return np.vecdot(X, X)
 
@@ -327,7 +328,7 @@ class Few(Scattered):
 
 @dataclass(frozen=True)
 class Many(Scattered):
-    """A grid of which many points are observed, by iteration: no determinant."""
+    """Many observed points on a grid: CG, which gives no determinant."""
 
     @cached_property
     def _operators(self) -> tuple[LinearOperator, LinearOperator]:
@@ -361,7 +362,7 @@ class Many(Scattered):
         return X, np.vecdot(Y, X)
 
     def logdet(self, *_: Rows) -> Any:
-        """Raise the ValueError that says why it is not known."""
+        """Raise the ValueError that explains why the determinant is not available."""
         observed = np.count_nonzero(self.mask)
         if self.noise is not None:
             beyond = "logpdf_estimate estimates it, of one axis"
@@ -382,26 +383,26 @@ Observed = Whole | Gaps | Few | Many
 
 
 def largest_dense() -> int:
-    """Return of how many points a dense matrix takes a quarter of the memory of this machine."""
+    """Return the size of the dense matrix that takes a quarter of this machine's memory."""
     try:
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):  # Windows does not say.
+    except (AttributeError, ValueError, OSError):  # Not available on Windows.
         memory = 2**33
     return max(MOST, isqrt(memory // (4 * 8)))
 
 
 def _by_lags(X: Rows, diagonal_sums: Array) -> Array:
-    """Return the derivatives on a line: the correlations of α, less the sums of diagonals."""
+    """Return the derivatives on one axis: correlations of α minus the sums of diagonals."""
     by_c = np.array([*map(autocorrelations, X)]).reshape(X.shape) - diagonal_sums
     by_c[:, 0] *= 0.5
     return by_c
 
 
 def observe(whole: Whole, mask: Mask, noise: Array | None = None, *, dense: int = MOST) -> Observed:
-    """Return what is known where a mask is true: a `Whole`, `Gaps`, `Few` or `Many`.
+    """Return the covariance of the points in a mask: a `Whole`, `Gaps`, `Few` or `Many`.
 
-    A dense matrix of at most `dense` points is factorised where there is no other way but an
-    iteration, which has no log-determinant.
+    If neither `Whole` nor `Gaps` fits, a dense matrix is used for at most `dense` points. For more,
+    CG is used, which gives no log-determinant.
     """
     observed = int(np.count_nonzero(mask))
     missing = mask.size - observed
@@ -413,14 +414,14 @@ def observe(whole: Whole, mask: Mask, noise: Array | None = None, *, dense: int 
 
 
 def inverse_block(column: SharpColumn, index: Array) -> Array:
-    """Return the rows and columns of A⁻¹ at some positions, in ascending order.
+    """Return the block of A⁻¹ for given positions, in ascending order.
 
-    What is below the diagonal is not set. By the Gohberg-Semencul formula each row follows from the
-    one above it: with x = A⁻¹ e₁ and xₙ = 0
+    Entries below the diagonal are not set. By the Gohberg-Semencul formula each row follows from
+    the previous one: with x = A⁻¹ e₁ and xₙ = 0
 
         (A⁻¹)_ij = (A⁻¹)_(i-1,j-1) + (x_i x_j - x_(n-i) x_(n-j))/x₀.
 
-    The next position is reached row by row where it is near, and by a product where it is far.
+    The next position is reached row by row if it is near, and by a product if it is far.
     """
     x = column.x
     n, m, last = len(x), len(index), int(index[-1])
@@ -435,7 +436,7 @@ def inverse_block(column: SharpColumn, index: Array) -> Array:
             unit = np.zeros((1, n))
             unit[0, i] = 1.0
             row = column.inverse.apply(unit)[0, i : last + 1]
-        # The rows from i on, down to the last position that is near to the one before it.
+        # The rows from i to the last position that is near to its predecessor.
         rows = max(2, PANEL // len(row))
         stop = int(np.searchsorted(index, i + rows))
         if not near[k:stop].all():
@@ -445,23 +446,23 @@ def inverse_block(column: SharpColumn, index: Array) -> Array:
         D[0] = row
         for above, below in enumerate(D[1:]):
             below[above + 1 :] += D[above, above:-1]
-        # No index is clipped, but then they are taken without a buffer, in a fifth of the time.
+        # All indices are valid; mode="clip" avoids a buffer, which takes five times as long.
         D[index[k:stop] - i].take(index[k:] - i, axis=1, out=B[k:stop, k:], mode="clip")
         row, i, k = D[-1, len(D) - 1 :], i + len(D) - 1, stop
     return B
 
 
 def by_column(x: Array, index: Array, inverse: Array) -> Array:
-    """Return the derivatives of log det B by x, B = (A⁻¹)_mm at the positions m of `index`.
+    """Return the derivatives of log det B by x, where B = (A⁻¹)_mm at the positions `index`.
 
     The Gohberg-Semencul formula is B = E (Σ_s (Zˢ x) (Zˢ x)ᵀ - (Zˢ y) (Zˢ y)ᵀ) Eᵀ/x₀, where
-    y = [0 x_(n-1) … x₁], Z shifts down and E takes the positions m. So the derivative is
+    y = [0 x_(n-1) … x₁], Z shifts down and E selects the positions m. So the derivative is
 
         2 (S x - reversed S y)/x₀ - m e₁/x₀,    S = Σ_s (Zᵀ)ˢ Eᵀ B⁻¹ E Zˢ.
 
-    S_(p,p+t) is the sum of the entries of B⁻¹ of the pairs of positions at the distance t, from p
-    on: it is the same for all p from one position to the next, so that they are multiplied at once.
-    The positions ascend; of `inverse`, B⁻¹, what is below the diagonal is not used.
+    S_(p,p+t) is the sum of the entries of B⁻¹ for pairs of positions at distance t, from p on. It
+    is constant between two neighbouring positions, so these rows are multiplied at once. Positions
+    ascend; entries of `inverse` = B⁻¹ below the diagonal are not used.
     """
     last = int(index[-1])
     pair = np.stack([x, np.append(0.0, x[:0:-1])])
@@ -482,10 +483,10 @@ def by_column(x: Array, index: Array, inverse: Array) -> Array:
             there += fourier.irfft(hat * fourier.rfft(part, N), N)[:, :length]
         else:
             window = padded[NEAR + 1 - (stop - first) : NEAR + length]
-            rows = sliding_window_view(window, length)[::-1].copy()  # S, above its diagonal.
+            rows = sliding_window_view(window, length)[::-1].copy()  # S above its diagonal.
             here += below @ rows.T
             there += part @ rows
-        here -= sums[0] * part  # The diagonal is in both.
+        here -= sums[0] * part  # The diagonal was counted twice.
     by_x = products[0]
     by_x[1:] -= products[1, :0:-1]
     by_x *= 2.0
@@ -494,7 +495,7 @@ def by_column(x: Array, index: Array, inverse: Array) -> Array:
 
 
 def doubt_of_form(A: ToeplitzOperator, X: Rows, squares: Array) -> str:
-    """Return what a warning says where yᵀ α may be rounding, of rows α = A⁻¹ y."""
+    """Return the warning if yᵀ α is dominated by rounding errors, for rows α = A⁻¹ y."""
     noise = EPS * A.norm_bound * np.vecdot(X, X)
     worst = int(noise.argmax()) if len(noise) else 0
     if not len(noise) or noise[worst] <= NOISY * X.shape[1]:
@@ -506,7 +507,7 @@ def doubt_of_form(A: ToeplitzOperator, X: Rows, squares: Array) -> str:
 
 
 def doubt_of_gaps(what: str, error: float, most: float) -> str:
-    """Return what a warning says where the covariance of the gaps has a large relative error."""
+    """Return the warning if the covariance of the gaps has a large relative error."""
     if error <= most:
         return ""
     return (
@@ -516,6 +517,6 @@ def doubt_of_gaps(what: str, error: float, most: float) -> str:
 
 
 def warn(*doubts: str, stacklevel: int) -> None:
-    """Warn of what is doubtful, if anything is."""
+    """Issue the warnings that are not empty."""
     for doubt in filter(None, doubts):
         warnings.warn(doubt, LinAlgWarning, stacklevel=stacklevel + 1)

@@ -1,4 +1,4 @@
-"""Likelihoods of covariances with parameters, restricted or not, and the search for the largest."""
+"""Likelihoods of parametrised covariances, restricted or not, and their maximisation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,39 +15,39 @@ from toeplitz_mg.gaussian.information import covariance_information, information
 from toeplitz_mg.gaussian.observed import MOST, Observed, Whole, largest_dense, observe
 from toeplitz_mg.operators import ToeplitzOperator
 
-PRECISE = 1e-8  # Squared length of a step, in standard errors, at which the search ends.
-ENOUGH = 1e-4  # The same, where rounding keeps the search from getting there.
-FLAT = 1e-8  # Information on a transformed parameter that has come to its bound.
-SINGULAR = 1e-9  # Least eigenvalue of the correlations of scores that can be told apart.
+PRECISE = 1e-8  # The search ends at this squared length of a step, in standard errors.
+ENOUGH = 1e-4  # The same, if rounding prevents smaller steps.
+FLAT = 1e-8  # Below this information, a transformed parameter has reached its bound.
+SINGULAR = 1e-9  # Smallest eigenvalue of the correlation of scores for identifiable parameters.
 LONGEST = 8.0  # Largest step of a search, in the logarithm of a parameter.
-MOST_REFUSED = 8  # Steps in turn that do not increase the likelihood: it is known no better.
+MOST_REFUSED = 8  # Consecutive steps without a larger likelihood, after which the search ends.
 
 
 @dataclass(frozen=True)
 class Data:
-    """A series, or field, that may have gaps, and regressors: zero where it was not observed."""
+    """A series or field with regressors; values are zero where not observed."""
 
-    y: Array  # Of shape (n,), without what least squares tell of the regressors.
+    y: Array  # Of shape (n,), after subtracting the least squares fit of the regressors.
     Q: Rows  # Orthonormal rows that span the regressors.
-    mask: Mask  # Where it was observed, of the shape of the grid.
-    restricted: bool  # Whether the likelihood is that of what the regressors do not change.
+    mask: Mask  # Which points are observed, of the shape of the grid.
+    restricted: bool  # Whether the likelihood is the restricted one.
 
     @property
     def size(self) -> int:
-        """The number of values whose likelihood it is."""
+        """The number of values in the likelihood."""
         return int(np.count_nonzero(self.mask)) - self.restricted * len(self.Q)
 
 
 @dataclass(frozen=True)
 class Transform:
-    """Parameters without bounds: logarithms of distances to one bound, logits between two."""
+    """Transformation to parameters without bounds: logarithm for one bound, logit for two."""
 
     bounds: Array
-    scale: Array  # Of the parameters that have no bounds.
+    scale: Array  # Scales of the parameters that have no bounds.
 
     @classmethod
     def of(cls, covariance: Covariance) -> "Transform":
-        """Return that of the free parameters of a covariance."""
+        """Return the transformation for the free parameters of a covariance."""
         return cls(covariance.bounds, np.maximum(np.abs(covariance.theta), 1.0))
 
     def forward(self, theta: Array) -> Array:
@@ -83,7 +83,7 @@ class Transform:
 
 @dataclass(frozen=True)
 class Point:
-    """The likelihood of a covariance, and its derivatives, at the best coefficients."""
+    """The likelihood of a covariance, maximised over the mean, and its derivatives."""
 
     data: Data
     c: Array
@@ -91,7 +91,7 @@ class Point:
 
     @cached_property
     def known(self) -> Observed:
-        """What is known of the covariance of the observed points."""
+        """The covariance of the observed points."""
         if not (np.isfinite(self.c).all() and np.isfinite(self.derivatives).all()):
             raise np.linalg.LinAlgError("the covariance is not finite")
         if not self.c.flat[0] > 0.0:
@@ -106,12 +106,12 @@ class Point:
 
     @cached_property
     def factor(self) -> Array:
-        """Cholesky's lower factor of Q A_oo⁻¹ Qᵀ, the information on the coefficients."""
+        """The lower Cholesky factor of Q A_oo⁻¹ Qᵀ, the information on the coefficients."""
         return np.linalg.cholesky(self._solved[1:] @ self.data.Q.T)
 
     @cached_property
     def coefficients(self) -> Array:
-        """Those of the regressors by generalised least squares."""
+        """The generalised least squares coefficients of the regressors."""
         solution: Array = cho_solve((self.factor, True), self.data.Q @ self._solved[0])
         return solution
 
@@ -130,7 +130,7 @@ class Point:
 
     @cached_property
     def gradient(self) -> Array:
-        """Its derivatives by the parameters."""
+        """The derivatives of `value` by the parameters."""
         rows = self.residual[0]
         if self.data.restricted:
             rows = np.vstack([rows, self._whitened, np.zeros_like(rows)])
@@ -140,7 +140,7 @@ class Point:
 
     @cached_property
     def information(self) -> Array:
-        """Fisher's information on the parameters."""
+        """The Fisher information on the parameters."""
         information = covariance_information(self.known, self.derivatives)
         if self.data.restricted and len(self.data.Q):
             Z, inside = self._whitened, self.data.mask.ravel()
@@ -149,10 +149,10 @@ class Point:
 
     @cached_property
     def average_information(self) -> Array:
-        """qᵢᵀ P qⱼ/2, qᵢ = ∂ᵢA α: the mean of Fisher's information and the observed one, nearly.
+        """qᵢᵀ P qⱼ/2, qᵢ = ∂ᵢA α: about the mean of the expected and the observed information.
 
-        P is A_oo⁻¹ without what the regressors explain. A. R. Gilmour, R. Thompson, B. R. Cullis,
-        Average information REML, Biometrics 51 (1995).
+        P is A_oo⁻¹ projected to the complement of the regressors. A. R. Gilmour, R. Thompson, B. R.
+        Cullis, Average information REML, Biometrics 51 (1995).
         """
         alpha, Z = self.residual[0], self._whitened
         q = [ToeplitzOperator(dc).apply(alpha)[0] for dc in self.derivatives]
@@ -167,35 +167,35 @@ class Point:
 
 
 class Search:
-    """A search for the largest likelihood, by steps of scoring in a trust region."""
+    """Maximisation of the likelihood by scoring steps in a trust region."""
 
     def __init__(self, data: Data, covariance: Covariance, spacing: Any, maxiter: int) -> None:
         self.data, self.covariance, self.spacing = data, covariance, spacing
-        self.u = np.empty(0)  # The transformed parameters that were found.
-        self.flat = np.empty(0, dtype=bool)  # Which parameters have come to a bound.
+        self.u = np.empty(0)  # The transformed parameters at the maximum.
+        self.flat = np.empty(0, dtype=bool)  # Which parameters have reached a bound.
         self.iterations, self.converged = 0, True
         self._transform = Transform.of(covariance)
-        self._points: dict[bytes, Point | None] = {}  # Where the search is, and what it tries.
+        self._points: dict[bytes, Point | None] = {}  # The current point and the trial points.
         if len(covariance.theta):
             self._run(covariance.theta, maxiter)
 
     def point(self, theta: Array) -> Point:
-        """Return the likelihood of these parameters."""
+        """Return the likelihood for these parameters."""
         k, shape = self.covariance.with_theta(theta), self.data.mask.shape
         return Point(self.data, *k.values_and_gradient(shape, spacing=self.spacing))
 
     @property
     def theta(self) -> Array:
-        """The parameters that were found."""
+        """The parameters at the maximum."""
         return self._transform.back(self.u)
 
     @property
     def best(self) -> Point:
-        """The likelihood there."""
+        """The likelihood at the maximum."""
         return self._at(self.u) or self.point(self.theta)
 
     def _run(self, theta: Array, maxiter: int) -> None:
-        from scipy.optimize import minimize  # It is slow to import.
+        from scipy.optimize import minimize  # Slow to import.
 
         self.u = self._transform.forward(self._rescale(theta))
         self._identify()
@@ -222,13 +222,13 @@ class Search:
         self.converged = self._decrement() <= ENOUGH
 
     def _at(self, u: Array) -> Point | None:
-        """Return the likelihood, or None where the covariance refuses the parameters."""
+        """Return the likelihood, or None if the parameters are invalid."""
         key, here = u.tobytes(), self.u.tobytes()
         if key not in self._points:
             try:
                 point = self.point(self._transform.back(u))
                 found = point if np.isfinite(point.value) else None
-            except ValueError:  # A LinAlgError, where it is not positive definite, is one.
+            except ValueError:  # Includes LinAlgError, for a matrix that is not positive definite.
                 found = None
             self._points = {k: p for k, p in self._points.items() if k == here} | {key: found}
         return self._points[key]
@@ -252,9 +252,9 @@ class Search:
         return float(slope[rest] @ step)
 
     def _rescale(self, theta: Array) -> Array:
-        """Return parameters of a multiple of the covariance whose likelihood is largest.
+        """Return the parameters after scaling the covariance to the largest likelihood.
 
-        The parameters that multiply it are those θ of a 0/1 combination of θ ∂c that gives c.
+        The variance parameters are those θ for which a 0/1 combination of θ ∂c equals c.
         """
         point = self.point(theta)
         c, slopes = point.c.ravel(), (theta * point.derivatives.T).T.reshape(len(theta), -1)
@@ -266,9 +266,9 @@ class Search:
         return theta if self._at(self._transform.forward(scaled)) is None else scaled
 
     def _identify(self) -> None:
-        """Refuse parameters that cannot be told apart.
+        """Raise an error if parameters are not identifiable.
 
-        Information may be singular at the start and nowhere else: so it is at a second place too.
+        The information may happen to be singular at the start only, so a second point is tried too.
         """
         wrong = find_dependent(self.best.information)
         if wrong.any():
@@ -287,7 +287,7 @@ class Search:
 
 
 def find_dependent(information: Array) -> Mask:
-    """Return which parameters have scores that depend linearly on each other."""
+    """Return which parameters have linearly dependent scores."""
     sizes = np.sqrt(np.maximum(information.diagonal(), 0.0))
     if not sizes.all():
         return sizes == 0.0
