@@ -1,1 +1,1 @@
-"""The command line: one file a subcommand, their arguments, the files that they read and write."""
+"""The command line: one file per subcommand, the arguments, input and output files."""

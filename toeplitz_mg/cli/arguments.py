@@ -1,4 +1,4 @@
-"""The options of the command line in one table, and what cannot be meant by them."""
+"""The options of the command line as a table, and checks of their values."""
 
 import argparse
 import math
@@ -36,23 +36,23 @@ PAPER, SOLVE = ("paper",), ("solve",)  # The commands for linear systems.
 LINEAR = (*PAPER, *SOLVE)
 SHIFT, ROLLING, ROUGH = ("shift",), ("rolling",), ("rough",)
 MOVED = (*SHIFT, *ROLLING)
-SMOOTH = ("hertz", *MOVED)  # The cases of Hertz's bodies.
+SMOOTH = ("hertz", *MOVED)  # The cases with smooth bodies.
 CASES = (*SMOOTH, *ROUGH)
-HIDDEN = argparse.SUPPRESS  # The help of an option that no help shows.
-FORCE = 100.0  # Normal force, N or N/mm, where neither it nor the approach is given.
-# A number and no option: argparse itself does not know that one may have an exponent.
+HIDDEN = argparse.SUPPRESS  # The help text of options that are not listed.
+FORCE = 100.0  # Default normal force, N or N/mm, if no approach is given either.
+# A negative number, not an option: argparse does not recognise exponents.
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
 Rules = dict[str, tuple[Callable[[Any], bool], str]]
 
 
 def whole_number(text: str) -> int:
-    """Read a whole number, also one like 1e5.
+    """Read an integer, also in the form 1e5.
 
     Raises
     ------
     ValueError
-        Where it is none; argparse then says which option has it.
+        If it is not an integer; argparse then names the option.
     """
     try:
         return int(text)
@@ -63,16 +63,16 @@ def whole_number(text: str) -> int:
     return int(value)
 
 
-whole_number.__name__ = "whole number"  # What argparse calls it where it refuses one.
+whole_number.__name__ = "whole number"  # The name of the type in argparse's errors.
 
 
 class Option(NamedTuple):
     """An option of the command line.
 
-    Its values are a number, positive or not, a whole number, a word, a file or none, as of a
-    switch; a digit says how many values it has at most, "inf" that they may be infinite. It is for
-    some cases of `contact`, or for commands for linear systems. Its help says what it is, with its
-    unit, and its default.
+    `values` describes its values: "number", "positive", "whole", "word", "file" or "switch" (no
+    value). A digit is the largest number of values, "inf" allows infinity. `cases` are the cases of
+    `contact`, or the commands for linear systems, that accept it. `help` describes it with its unit
+    and default.
     """
 
     values: str
@@ -82,12 +82,12 @@ class Option(NamedTuple):
 
     @property
     def type(self) -> Any:
-        """What reads a value."""
+        """The function that reads a value."""
         return TYPES[self.values.split()[0]]
 
     @property
     def most(self) -> int:
-        """How many values it may have."""
+        """The largest number of values."""
         return max(int(word) for word in ("1", *self.values.split()) if word.isdigit())
 
 
@@ -179,9 +179,9 @@ OF_CONTACT = {
     "json": OF_LINEAR["json"]._replace(cases=CASES),
 }
 # fmt: on
-MOST_THREADS = 1024  # More than any one machine has cores.
+MOST_THREADS = 1024  # More than the cores of any machine.
 THREADS = Option("whole", LINEAR, None, "threads that share the work (default: all cores)")
-MORE: dict[str, dict[str, Any]] = {  # More that argparse is told.
+MORE: dict[str, dict[str, Any]] = {  # Additional arguments for argparse.
     "test": {"choices": tuple(TESTS)},
     "mask": {"metavar": "MASK.npy"},
     "solver": {"choices": ("multigrid", "richardson", "cg")},
@@ -191,31 +191,31 @@ MORE: dict[str, dict[str, Any]] = {  # More that argparse is told.
 }
 METAVARS = {"output": "FIELDS.npz", "plot": "FILE"}
 SHORT = {"n": ("-n",), "output": ("-o", "--output")}
-# Other names of options, which no help shows: what they were called, or as functions call them.
+# Aliases of options that the help does not list: former names, and names of keyword arguments.
 OTHERS = {"mu": "--friction", "tangential": "--tangential-force"}
-OF_CASE = {  # What each case does.
+OF_CASE = {  # The help of each case.
     "hertz": "press a sphere, an ellipsoid or a cylinder on a flat",
     "shift": "press it, then shift it with Coulomb friction",
     "rolling": "press it, and let it roll steadily with Coulomb friction",
     "rough": "press a measured surface, from a file of heights, on a flat",
 }
-# What else values must be, of options for linear systems and of those for contact.
+# Further rules for values, of options for linear systems and for contact.
 RULES_OF_LINEAR: Rules = {
-    "n": (lambda n: n <= 2**40, f"be at most {2**40}"),  # No memory holds a vector of 8 TiB.
+    "n": (lambda n: n <= 2**40, f"be at most {2**40}"),  # A vector of 8 TiB does not fit in memory.
     "rtol": (lambda x: 0.0 < x < 1.0, "lie between 0 and 1"),
     "maxiter": (lambda k: k >= 1, "be at least 1"),
     "seed": (lambda seed: seed >= 0, "not be negative"),
-    "dpi": (lambda dpi: 10 <= dpi <= 1200, "be 10 to 1200"),  # More than any journal asks for.
+    "dpi": (lambda dpi: 10 <= dpi <= 1200, "be 10 to 1200"),  # More than any journal requires.
 }
 RULES_OF_CONTACT: Rules = {
     "nu": (lambda nu: -1.0 < nu <= 0.5, "be above -1 and at most 0.5"),
     "tolerance": (lambda x: x < 1.0, "be below 1"),
-    "n": (lambda n: 8 <= n <= 2**24, f"be 8 to {2**24}"),  # A contact needs a few to be one.
+    "n": (lambda n: 8 <= n <= 2**24, f"be 8 to {2**24}"),  # A contact needs several elements.
     "output": (lambda path: path.suffix == ".npz", "end in .npz"),
     "dpi": RULES_OF_LINEAR["dpi"],
 }
 RULES_OF_CONTACT["nu2"] = RULES_OF_CONTACT["nu"]
-# Of two options that both decide one thing only one is given.
+# Pairs of options that determine the same quantity, so that only one may be given.
 EXCLUSIVE = (
     ("force", "approach"),
     ("force", "pressure"),
@@ -232,8 +232,8 @@ EXCLUSIVE = (
 class Parser(argparse.ArgumentParser):
     """A parser without abbreviations, whose errors show a short usage of the command.
 
-    Without defaults an option counts wherever it stands, and a stray one is seen. There are no
-    abbreviations: --n would be taken for --nu.
+    Options have no defaults in the parser, so misplaced options are detected. Abbreviations are
+    off, because --n would be accepted for --nu.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -243,10 +243,10 @@ class Parser(argparse.ArgumentParser):
         self.commands: dict[str, Parser] = {}
 
     def parse_command(self, arguments: Sequence[str] | None = None) -> argparse.Namespace:
-        """Return what is given; an argument that nothing takes is an error of its command."""
+        """Return the given arguments; unknown arguments are an error of their command."""
         words = sys.argv[1:] if arguments is None else arguments
         for word in takewhile(lambda word: word not in self.commands, words):
-            # argparse would take what follows for a command, and refuse that.
+            # argparse would interpret the rest as a command and reject that.
             if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions:
                 self.error(f"unrecognized arguments: {word}")
         given, rest = self.parse_known_args(words)
@@ -257,10 +257,10 @@ class Parser(argparse.ArgumentParser):
         return given
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong, how the command is called, and where its options are listed."""
+        """Print the error, the usage of the command, and how to list its options."""
         shown = [a for a in self._actions if not a.option_strings and a.help != HIDDEN]
         if "invalid" in message and self.prog.endswith(" rough"):
-            message += "; FILE goes before the options"  # They take all that follows.
+            message += "; FILE goes before the options"  # Options accept all values that follow.
         words = [self.prog, "[options]", *(str(a.metavar) for a in shown)]
         self.exit(
             2,
@@ -317,10 +317,10 @@ def parser() -> Parser:
 
 
 def _add_cases(contact: Parser) -> dict[str, Parser]:
-    """Add a parser for each case, and return them by name.
+    """Add a parser for each case, and return the parsers by name.
 
-    Each also takes the options of the others, which its help does not list: `_check` says which
-    case they are for. The command takes all of them before the name of the case.
+    Each also accepts the options of the other cases, without listing them; `_check` then says which
+    case they belong to. The command accepts all options before the name of the case.
     """
     found = {}
     cases = contact.add_subparsers(dest="case", metavar="CASE", required=True)
@@ -353,7 +353,7 @@ def _add_cases(contact: Parser) -> dict[str, Parser]:
 def _add(
     parser: Parser, name: str, option: Option, more: dict[str, Any], *, shown: bool = True
 ) -> None:
-    """Add an option to a parser, whose help shows it or not."""
+    """Add an option to a parser, listed in its help or not."""
     special: dict[str, Any] = {"type": option.type, "dest": name} | more
     if option.type is None:
         special = {"action": "store_true", "dest": name}
@@ -366,19 +366,19 @@ def _add(
 
 
 def take_threads(given: argparse.Namespace) -> int:
-    """Take the number of threads from what is given, and return it: by default all cores."""
+    """Remove the number of threads from the arguments and return it; by default all cores."""
     number: int | None = vars(given).pop("threads", None)
     if number is not None:
         if not 1 <= number <= MOST_THREADS:
             raise ValueError(f"--threads is {number}, but must be 1 to {MOST_THREADS}")
         return number
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))  # Those that this process may use.
-    return getattr(os, "process_cpu_count", os.cpu_count)() or 1  # It is since Python 3.13.
+        return len(os.sched_getaffinity(0))  # The cores that this process may use.
+    return getattr(os, "process_cpu_count", os.cpu_count)() or 1  # The first since Python 3.13.
 
 
 def _check(table: Mapping[str, Option], rules: Rules, given: Mapping[str, Any], case: str) -> None:
-    """Check each option that is given by itself, and whether the case takes it."""
+    """Check each given option, and that the case accepts it."""
     for name, option in table.items():
         if name not in given:
             continue
@@ -419,7 +419,7 @@ class Cycle(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> "Cycle":
-        """Read a cycle like V(0,1); more than 999 steps are a mistake that would never end."""
+        """Read a cycle such as V(0,1); more than 999 steps are refused as a typing error."""
         match = re.fullmatch(r"([VW])\((\d{1,3}),(\d{1,3})\)", text.replace(" ", ""))
         if match is None:
             raise ValueError(
@@ -429,7 +429,7 @@ class Cycle(NamedTuple):
 
 
 def complete_linear(given: argparse.Namespace) -> argparse.Namespace:
-    """Fill in the defaults of a linear system, and refuse what cannot be meant."""
+    """Fill in the defaults for a linear system, and refuse contradictions."""
     is_solve, told = given.command == "solve", vars(given)
     if is_solve and (hasattr(given, "test") or hasattr(given, "n")):
         raise ValueError("--test and -n choose a problem of the paper, which solve does not solve")
@@ -443,7 +443,7 @@ def complete_linear(given: argparse.Namespace) -> argparse.Namespace:
 
 
 def _choose_method(given: argparse.Namespace, options: argparse.Namespace) -> None:
-    """Choose what was left open of the solver, the preconditioner and the cycle."""
+    """Choose the solver, the preconditioner and the cycle if they are not given."""
     of_cycles = hasattr(given, "cycle") or hasattr(given, "smoother")
     if given.command == "solve" and not hasattr(given, "solver") and not of_cycles:
         options.solver = "cg"
@@ -468,15 +468,15 @@ def _choose_method(given: argparse.Namespace, options: argparse.Namespace) -> No
 
 
 def complete_contact(given: argparse.Namespace) -> argparse.Namespace:
-    """Fill in the defaults of a contact problem, and refuse what cannot be meant."""
+    """Fill in the defaults for a contact problem, and refuse contradictions."""
     options = {key: value for key, value in vars(given).items() if value is not None}
-    # argparse also takes options of the main command, where they stand before this one.
+    # argparse also accepts options of the main command before the name of the case.
     for name in options.keys() - OF_CONTACT.keys() - {"command", "case", "file"}:
         raise ValueError(f"--{name} is for linear systems, not for contact")
     case = options["case"]
     units = options.get("unit", ())
     if "file" not in options and len(units) > 1 and units[-1] not in UNITS:
-        options["file"] = Path(units.pop())  # argparse has taken it for one more unit.
+        options["file"] = Path(units.pop())  # argparse has read it as another unit.
     _check(OF_CONTACT, RULES_OF_CONTACT, options, case)
     _check_together(case, options)
     written = options.get("output"), options.get("plot")
@@ -488,7 +488,7 @@ def complete_contact(given: argparse.Namespace) -> argparse.Namespace:
 
 
 def _materials(options: dict[str, Any]) -> Material | tuple[Material, Material]:
-    """Return the material of both bodies, or that of each."""
+    """Return the material of both bodies, or one material for each."""
     first = {name: options[name] for name in ("E", "G", "nu") if name in options}
     second = {name: options[f"{name}2"] for name in ("E", "G", "nu") if f"{name}2" in options}
     if not second:
@@ -508,7 +508,7 @@ def _material(
 
 
 def _check_together(case: str, options: dict[str, Any]) -> None:
-    """Check what options mean for each other."""
+    """Check combinations of options."""
     for one, other in EXCLUSIVE:
         if one in options and other in options:
             raise ValueError(f"--{one} and --{other} are both given, but one decides the other")

@@ -1,6 +1,6 @@
-"""The command ``toeplitz-mg contact``: smooth bodies that are pressed, shifted or rolled.
+"""The command ``toeplitz-mg contact``: press, shift or roll smooth bodies.
 
-Or a measured surface that is pressed (see `rough`).
+It also presses a measured surface (see `rough`).
 """
 
 import argparse
@@ -46,22 +46,22 @@ from toeplitz_mg.contact.checks import SLIDES
 from toeplitz_mg.contact.doubts import UNCOUPLED
 from toeplitz_mg.halfspace import difference_parameter
 
-MARGIN = 1.3  # Side of the grid over the length of the contact by Hertz's theory.
-CREEPAGE = -0.002  # Longitudinal creepage (slip over distance) where no creepage is given.
+MARGIN = 1.3  # Side of the grid divided by the length of the contact by Hertz's theory.
+CREEPAGE = -0.002  # Default longitudinal creepage.
 
 
 @dataclass(frozen=True)
 class Hertzian:
-    """What is to be solved, on a grid that Hertz's theory says is large enough."""
+    """A contact problem of smooth bodies, on a grid of the size that Hertz's theory suggests."""
 
     options: argparse.Namespace
     theory: HertzContact
     shape: tuple[int, ...]
-    h: float  # Side of an element, or width of a strip, mm.
+    h: float  # Size of an element, or width of a strip, mm.
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> "Hertzian":
-        """Choose the grid, or say why the one asked for does not do."""
+        """Choose the grid, or raise an error if the requested grid is too small."""
         o = options
         radii = _radii(o)
         theory = hertz(radii=radii, material=o.material, force=o.force, approach=o.approach)
@@ -89,7 +89,7 @@ class Hertzian:
 
     @property
     def title(self) -> str:
-        """A line that says what is solved."""
+        """One line that describes the problem."""
         o = self.options
         radii = " and ".join(f"{r:g}" for r in dict.fromkeys(o.radius))
         body = "cylinder" if o.line else "sphere" if len(set(o.radius)) == 1 else "ellipsoid"
@@ -98,7 +98,7 @@ class Hertzian:
 
     @property
     def is_coupled(self) -> bool:
-        """Whether pressures move the bodies along the surface, and tractions across it."""
+        """Whether pressures displace the bodies along the surface, and tractions across it."""
         material = self.options.material
         return isinstance(material, tuple) and abs(difference_parameter(*material)) > UNCOUPLED
 
@@ -108,7 +108,7 @@ class Hertzian:
         Parameters
         ----------
         solve : callable
-            It calls a solver, with what is told of its progress, and prints that below a name.
+            Calls a solver with a progress function, whose output is printed under a name.
         """
         case = self.options.case
         if case == "hertz":
@@ -125,7 +125,7 @@ class Hertzian:
         return normal_contact(self.gap, self.element, **self.pressing, progress=progress)
 
     def move(self, pressed: NormalResult, progress: Progress) -> TangentialResult:
-        """Solve the tangential problem of the pressures."""
+        """Solve the tangential problem for given pressures."""
         o = self.options
         common = {"mu": o.mu, "tolerance": o.tolerance, "progress": progress}
         if o.case == "shift":
@@ -133,18 +133,18 @@ class Hertzian:
         return rolling(pressed, **self.creepages, **common)
 
     def press_and_move(self, progress: Progress) -> FrictionalResult:
-        """Solve both problems of unlike bodies."""
+        """Solve both problems for unlike bodies."""
         common = self.pressing | {"mu": self.options.mu, "progress": progress}
         shifts = self.options.case == "shift"
         motion = self.shift(self.theory.force) if shifts else self.creepages
-        if "force" in motion:  # There is one of that name that presses.
+        if "force" in motion:  # In these functions `force` is the normal force.
             motion["tangential_force"] = motion.pop("force")
         solver = frictional_contact if shifts else frictional_rolling
         return solver(self.gap, self.element, **common, **motion)
 
     @property
     def gap(self) -> Array:
-        """The distance of the bodies before they touch."""
+        """The gap between the bodies before loading."""
         if self.options.line:
             return surfaces.cylinder(self.shape, self.element, radius=self.options.radius[0])
         radii = _radii(self.options)
@@ -153,12 +153,12 @@ class Hertzian:
 
     @property
     def pressing(self) -> dict[str, Any]:
-        """The arguments of what presses."""
+        """The arguments of functions for normal contact."""
         names = "force", "approach", "material", "tolerance"
         return {name: getattr(self.options, name) for name in names}
 
     def shift(self, force: float) -> dict[str, Any]:
-        """Return the arguments of what shifts, by default half of what friction carries."""
+        """Return the arguments of a shift; by default half of the force that friction can carry."""
         o = self.options
         if o.shift is not None:
             return {"shift": self.components(o.shift)}
@@ -166,7 +166,7 @@ class Hertzian:
 
     @property
     def creepages(self) -> dict[str, Any]:
-        """The arguments of what rolls."""
+        """The arguments of functions for rolling."""
         names = "longitudinal", "lateral", "spin", "moment"
         given = {name: getattr(self.options, name) for name in names}
         asked = {name: value for name, value in given.items() if value is not None}
@@ -175,7 +175,7 @@ class Hertzian:
         return asked or {"longitudinal": CREEPAGE}
 
     def components(self, values: Sequence[float]) -> Any:
-        """Return a load along the surface: a number in line contact, else two."""
+        """Return a tangential load: a number in line contact, otherwise two."""
         return values[0] if self.options.line else (*values, 0.0)[:2]
 
     def check_friction(self) -> None:
@@ -184,7 +184,7 @@ class Hertzian:
         if o.tangential is None:
             return
         wanted, most = math.hypot(*o.tangential), o.mu * self.theory.force
-        # Where the approach is given, theory says the force, within the error of the grid.
+        # If the approach is given, the force follows from theory, within the error of the grid.
         if o.case == "rolling" and wanted >= most:
             raise ValueError(
                 f"--tangential is {wanted:g}, but must be less than {most:.6g}, the most that "
@@ -195,14 +195,14 @@ class Hertzian:
 
 
 def _radii(o: argparse.Namespace) -> Any:
-    """Return the radii of curvature as `surfaces.ellipsoid` takes them."""
+    """Return the radii of curvature in the form of `surfaces.ellipsoid`."""
     if len(o.radius) == 4:
         return tuple(o.radius[:2]), tuple(o.radius[2:])
     return o.radius[0], math.inf if o.line else o.radius[-1]
 
 
 def run(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
-    """Run the command, and return the exit status, and the figures by name."""
+    """Run the command, and return the exit status and the figures by name."""
     options = complete_contact(given)
     case = Rough.of(options) if options.case == "rough" else Hertzian.of(options)
     print(case.title, flush=True)
@@ -214,7 +214,7 @@ def run(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
         _print_doubts([error.result])
         return 1, {"converged": False, "message": str(error)}
     seconds = perf_counter() - start
-    if options.output is not None:  # First, so that it does not depend on what can be printed.
+    if options.output is not None:  # First, so that a failure to print does not prevent it.
         files.save_fields(options.output, fields(results), overwrite=bool(options.overwrite))
     _print_report(case, results, seconds)
     if options.output is not None:
@@ -227,7 +227,7 @@ def run(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
 
 
 def _figures(case: Hertzian | Rough, results: Mapping[str, ContactResult]) -> dict[str, Any]:
-    """Return what is printed, and the figures of summaries, by the names of fields of results."""
+    """Return the printed figures, and those of summaries, by the field names of results."""
     pressed, whole = results[PRESSURE], fields(results)
     numbers = "force", "approach", "tangential_force", "rigid", "moment", "power"
     found = {
@@ -246,7 +246,7 @@ def _figures(case: Hertzian | Rough, results: Mapping[str, ContactResult]) -> di
 
 
 def fields(results: Mapping[str, ContactResult]) -> dict[str, Any]:
-    """Return what is written, by name."""
+    """Return the output arrays by name."""
     pressed, tangential = results[PRESSURE], results.get(TANGENTIAL)
     assert isinstance(tangential, TangentialResult | None)
     centres = np.meshgrid(*pressed.centres, indexing="ij")
@@ -276,7 +276,7 @@ def _solve(name: str, solve: Callable[[Progress], Any]) -> Any:
 def _print_report(
     case: Hertzian | Rough, results: Mapping[str, ContactResult], seconds: float
 ) -> None:
-    """Print what was found, and what theory says, as far as it does."""
+    """Print the results, and the values of theory where available."""
     products = " + ".join(str(result.products) for result in results.values())
     print(f"\nconverged: {products} product{'s' * (products != '1')}, {seconds:.2f} seconds")
     if isinstance(case, Rough):
@@ -306,7 +306,7 @@ def _print_report(
 
 
 def _print_doubts(results: Iterable[ContactResult]) -> None:
-    """Say why the figures may not be those that were meant, each reason once."""
+    """Print the warnings of the results, each of them once."""
     for doubt in dict.fromkeys(doubt for result in results for doubt in result.warnings):
         print(f"note: {doubt}")
 
@@ -317,18 +317,18 @@ def _tangential_figures(
     assert result.stick is not None
     o, (a, _) = case.options, case.theory.half_axes
     carried = o.mu * pressed.force
-    # Free rolling leaves no force, beside which its rounding would look like one.
+    # In free rolling the force is zero up to rounding; print it as zero.
     is_force = np.abs(result.force) > o.tolerance * min(carried, pressed.force)
     along = np.where(is_force, result.force, 0.0)
     part = float(np.linalg.norm(along)) / carried
     share = float(result.stick.sum()) / max(1.0, float(result.contact.sum()))
     sticks, force = None, None
-    if case.is_coupled:  # No theory has all of it.
+    if case.is_coupled:  # No theory covers the coupling.
         pass
     elif o.case == "shift":  # Cattaneo and Mindlin are exact for ν = 0 and line contact.
         left = 1.0 - part
         sticks = (left if left > SLIDES else 0.0) ** (0.5 if o.line else 2.0 / 3.0)
-    elif o.line:  # Carter's theory says both.
+    elif o.line:  # Carter's theory gives both.
         sticks = max(0.0, 1.0 - abs(result.rigid) * o.radius[0] / (o.mu * a))
         force = 1.0 - sticks**2
     rigid = "shift [mm]"

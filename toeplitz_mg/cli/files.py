@@ -1,4 +1,4 @@
-"""Files of the command line: read with a clear error, written whole or not at all."""
+"""Input files with clear errors, and output files that are never left incomplete."""
 
 import io
 import os
@@ -21,29 +21,29 @@ from toeplitz_mg.whole_files import (
     new_whole,
 )
 
-STANDARD_OUTPUT = 1  # File descriptor of where the report is printed.
+STANDARD_OUTPUT = 1  # File descriptor of the report.
 
 
 def check_files(
     written: Sequence[Path | None], read: Sequence[Path | None], *, overwrite: bool
 ) -> None:
-    """Refuse, before any work, files that cannot be written or serve for something else.
+    """Raise an error before any work if files cannot be written or are used twice.
 
     Parameters
     ----------
     written, read : sequence of Path or None
-        The files to be written, and those that are read; None stands for no file.
+        The output files and the input files; None stands for no file.
     overwrite : bool
-        Whether files that are there are replaced.
+        Whether existing files are replaced.
 
     Raises
     ------
     FileExistsError
-        Where one of them is there, and is not to be replaced.
+        If an output file exists, and is not to be replaced.
     OSError
-        Where a file could not be written.
+        If a file cannot be written.
     ValueError
-        Where a file is to be written twice, or over what is read, or into the report.
+        If a file is written twice, or is also an input file or the report.
     """
     wanted: list[Path] = []
     for path in filter(None, written):
@@ -61,7 +61,7 @@ def check_files(
 
 
 def _check_writable(path: Path) -> None:
-    """Raise OSError where `path` could not be written, or is where the report is printed."""
+    """Raise OSError if `path` cannot be written, or is the file that the report goes to."""
     old = find_status(path)
     if old is None or stat.S_ISREG(old.st_mode):
         check_folder(path)
@@ -73,13 +73,13 @@ def _check_writable(path: Path) -> None:
         raise PermissionError(f"{path} is not writable")
     if old is None:
         return
-    with suppress(OSError):  # A standard output may be closed, or without a file.
+    with suppress(OSError):  # The standard output may be closed, or not be a file.
         if not stat.S_ISCHR(old.st_mode) and os.path.samestat(old, os.fstat(STANDARD_OUTPUT)):
             raise ValueError(f"{path} is the standard output, but the report is printed there")
 
 
 def _is_same(one: Path, other: Path) -> bool:
-    """Tell whether two paths are one file, by whatever links, or would be."""
+    """Whether two paths are, or would be, the same file, also through links."""
     a, b = find_status(one), find_status(other)
     if a is None or b is None:
         return find_target(one) == find_target(other)
@@ -87,10 +87,10 @@ def _is_same(one: Path, other: Path) -> bool:
 
 
 def check_plotting(path: Path) -> None:
-    """Raise ValueError where matplotlib is not installed, or cannot draw such a file."""
+    """Raise ValueError if matplotlib is not installed, or does not support the format."""
     if find_spec("matplotlib") is None:
         raise ValueError("drawing needs matplotlib: pip install 'toeplitz-mg[plot]'")
-    from matplotlib.backend_bases import FigureCanvasBase  # It is an extra.
+    from matplotlib.backend_bases import FigureCanvasBase  # Optional.
 
     kinds = FigureCanvasBase.get_supported_filetypes()
     if path.suffix.lower().removeprefix(".") not in kinds:
@@ -108,14 +108,14 @@ def save(path: Path, array: Array, *, overwrite: bool) -> None:
 
 
 def save_fields(path: Path, fields: Mapping[str, Any], *, overwrite: bool) -> None:
-    """Write arrays by their names to a ``.npz`` file."""
+    """Write arrays by name to a ``.npz`` file."""
     data = io.BytesIO()
     np.savez(data, **fields)
     write(path, data.getvalue(), overwrite=overwrite)
 
 
 def save_figure(path: Path, figure: Any, dpi: float, *, overwrite: bool = True) -> None:
-    """Write a figure of matplotlib, in the format that the name ends in; `dpi` are dots an inch."""
+    """Write a matplotlib figure in the format of the file's ending; `dpi` is in dots per inch."""
     data = io.BytesIO()
     figure.savefig(data, format=path.suffix.lower().removeprefix("."), dpi=dpi)
     write(path, data.getvalue(), overwrite=overwrite)
@@ -129,7 +129,7 @@ def plot_contact(
     *,
     overwrite: bool,
 ) -> None:
-    """Draw the tractions of contact problems beside each other, by their titles."""
+    """Draw the tractions of contact problems side by side, with their titles."""
     import matplotlib.figure
 
     figure = matplotlib.figure.Figure(figsize=(5.5 * len(results), 4.5), layout="compressed")
@@ -151,20 +151,20 @@ def plot(
     *,
     overwrite: bool,
 ) -> None:
-    """Draw the solution on its grid, and the relative residuals, from that of the first guess."""
+    """Plot the solution on its grid, and the relative residuals from the initial guess on."""
     import matplotlib.figure
 
     figure = matplotlib.figure.Figure(figsize=(10, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    # It has the name of a file, so there may be a $ in it, or bytes that are no characters.
+    # The title contains a file name, in which $ or undecodable bytes may occur.
     figure.suptitle(title.encode(errors="backslashreplace").decode(), parse_math=False)
     if solution.ndim == 2 and min(solution.shape) > 1:
         _draw_grid(left, solution)
     else:
         left.plot(np.arange(solution.size) if x is None else x, solution.ravel())
-        # The traction is singular at the ends: show its shape, not its largest value.
+        # The traction is singular at the ends: choose limits that show its shape.
         low, high = np.nanquantile(solution, [0.002, 0.998])
-        if low or high:  # Else all is zero.
+        if low or high:  # Otherwise all values are zero.
             left.set_ylim(min(low, 0.0) * 1.1, max(high, 0.0) * 1.1)
         left.set_xlabel("unknown" if x is None else "x [mm]")
         left.set_ylabel("solution" if x is None else "traction [N/mm²]")
@@ -177,11 +177,11 @@ def plot(
 
 
 def _draw_grid(ax: Any, grid: Array) -> None:
-    """Draw values on a grid of two axes, with a bar of colours as high as the axes.
+    """Draw values on a grid with two axes, and a colour bar as high as the axes.
 
-    White is what is not on the mask. Small values are light, and of two signs in two colours.
+    Elements outside of the mask are white. Small values are light; two signs have two colours.
     """
-    # As on a line: a few values at singular edges would leave no colours to all others.
+    # As on a line: a few values at singular edges would use up the range of colours.
     largest = float(np.nanquantile(np.abs(grid), 0.998)) or 1.0
     has_signs = bool((grid < 0.0).any())
     image = ax.imshow(
@@ -198,7 +198,7 @@ def _draw_grid(ax: Any, grid: Array) -> None:
 
 
 def spread(values: Array, mask: Array | None, outside: float) -> Array:
-    """Return values on the grid of a mask, with the same number everywhere outside of it."""
+    """Return values on the grid of a mask, with the value `outside` elsewhere."""
     if mask is None:
         return values
     grid = np.full(mask.shape, outside, values.dtype)
@@ -207,9 +207,9 @@ def spread(values: Array, mask: Array | None, outside: float) -> Array:
 
 
 def write(path: Path, data: bytes, *, overwrite: bool = True) -> None:
-    """Write a regular file, whole or not at all; or into a pipe or a device.
+    """Write a regular file completely or not at all; or write into a pipe or device.
 
-    Where it cannot be written an OSError is raised, and a file that was there is as it was.
+    If it cannot be written, an OSError is raised, and an existing file is unchanged.
     """
     try:
         old = find_status(path)
@@ -219,7 +219,7 @@ def write(path: Path, data: bytes, *, overwrite: bool = True) -> None:
         else:
             with path.open("wb") as file:
                 file.write(data)
-    except FileExistsError:  # It has come since the command began.
+    except FileExistsError:  # Created since the command started.
         raise FileExistsError(f"{path} is there already: --overwrite replaces it") from None
     except OSError as error:
         raise OSError(f"{path} cannot be written: {error.strerror or error}") from error

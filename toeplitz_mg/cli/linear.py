@@ -1,4 +1,4 @@
-"""Linear systems: those of the paper, `toeplitz-mg paper`, and of files, `toeplitz-mg solve`."""
+"""Linear systems of the paper (`toeplitz-mg paper`) and from files (`toeplitz-mg solve`)."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -26,17 +26,17 @@ from toeplitz_mg.tables import load_table
 
 @dataclass(frozen=True)
 class System:
-    """A system to solve, and where its unknowns lie."""
+    """A linear system, and the positions of its unknowns."""
 
     title: str
     A: LinearOperator
     b: Array
-    x: Array | None = None  # The centres of the elements, mm, for the plot.
-    on_grid: bool = False  # Whether the solution is wanted on the whole grid of the mask.
+    x: Array | None = None  # Element centres for the plot, mm.
+    on_grid: bool = False  # Whether to return the solution on the whole grid of the mask.
 
     @property
     def mask(self) -> Mask | None:
-        """The unknowns among the points of the grid, or None where these are all."""
+        """The grid points that are unknowns, or None if all are."""
         return unwrap(self.A)[1]
 
     def residual(self, x: Array) -> float:
@@ -44,7 +44,7 @@ class System:
         return _size(self.b - self.A @ x) / _size(self.b)
 
     def plot(self, x: Array, residuals: Sequence[float], options: argparse.Namespace) -> None:
-        """Draw a solution and the residuals, and say so."""
+        """Plot a solution and the residuals, and report the file."""
         grid = self._spread(x).reshape(grid_of(self.A))
         places = None if self.x is None else self._spread(self.x)
         where, over = (options.plot, options.dpi), bool(options.overwrite)
@@ -61,28 +61,28 @@ class System:
 
 @dataclass(frozen=True)
 class Solution:
-    """What an iteration has found, and what that took."""
+    """The result of an iteration, and its cost."""
 
     x: Array
-    residuals: list[float]  # ‖b - A x‖/‖b‖ of the first guess, and after each iteration.
-    residual: float  # ‖b - A x‖/‖b‖ of the solution.
+    residuals: list[float]  # ‖b - A x‖/‖b‖ for the initial guess, and after each iteration.
+    residual: float  # ‖b - A x‖/‖b‖ for the solution.
     converged: bool
-    units: float  # The work, in products with the matrix on the whole grid.
-    seconds: float  # The time of the iteration, without that of the display.
+    units: float  # The work in units of a product with the matrix on the whole grid.
+    seconds: float  # The time of the iteration, without the progress display.
 
 
 @dataclass
 class Progress:
-    """Prints the true residual after each iteration; what that costs is not in the figures."""
+    """Prints the true residual after each iteration; its cost is not part of the figures."""
 
     system: System
     waiting: report.Waiting
     residuals: list[float] = field(default_factory=list)
-    points: float = 0.0  # Points of the transforms that the display itself has taken.
+    points: float = 0.0  # Number of points of the transforms for the display.
     seconds: float = 0.0
 
     def __call__(self, x: Array) -> None:
-        """Take the iterate `x`."""
+        """Print the residual of the iterate `x`."""
         start = perf_counter()
         with tmg.count_products() as work:
             self.residuals.append(self.system.residual(x))
@@ -93,7 +93,7 @@ class Progress:
 
 
 def run_paper(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
-    """Run the command, and return the exit status, and the figures by name."""
+    """Run the command, and return the exit status and the figures by name."""
     options = complete_linear(given)
     problem = TESTS[options.test](options.n)
     title = f"Test {options.test} of the paper with {options.n} elements"
@@ -102,7 +102,7 @@ def run_paper(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
 
 
 def run_solve(given: argparse.Namespace) -> tuple[int, dict[str, Any]]:
-    """Run the command, and return the exit status, and the figures by name."""
+    """Run the command, and return the exit status and the figures by name."""
     options = complete_linear(given)
     A: LinearOperator = tmg.ToeplitzOperator(_load_real(options.column))
     if options.mask is not None:
@@ -127,9 +127,9 @@ def _run(
     options: argparse.Namespace,
     of_others: Callable[[str], str] = lambda label: "",
 ) -> tuple[int, dict[str, Any]]:
-    """Solve a system, and return the exit status, and the figures by name.
+    """Solve a system, and return the exit status and the figures by name.
 
-    `of_others` gives a line of the report that stands for what others have found, or nothing.
+    `of_others` returns a line of the report with published values, or an empty string.
     """
     _check_right_hand_side(system.b)
     if not system.b.any():
@@ -142,7 +142,7 @@ def _run(
     print(f"{system.title}\n{'CG with ' if options.solver == 'cg' else ''}{method}\n")
     solution = _iterate(system, M, options)
     written, over = solution.converged and options.output is not None, bool(options.overwrite)
-    if written:  # First of all, so that the solution does not depend on what can be printed.
+    if written:  # First, so that a failure to print does not prevent it.
         files.save(options.output, system.on_its_grid(solution.x), overwrite=over)
     _print_report(solution, setup, of_others(label))
     if not solution.converged:
@@ -162,7 +162,7 @@ def _run(
 
 
 def _figures(solution: Solution, setup: float) -> dict[str, Any]:
-    """Return what is printed of a solution, by name."""
+    """Return the figures of a solution that are printed, by name."""
     return {
         "converged": solution.converged,
         "residual": solution.residual,
@@ -175,19 +175,19 @@ def _figures(solution: Solution, setup: float) -> dict[str, Any]:
 
 
 def _print_solution(x: Array) -> Array:
-    """Print the solution where no file takes it, of many unknowns the first and the last."""
+    """Print the solution if no file takes it; if long, only its first and last values."""
     print(f"\nsolution\n{np.array2string(x, threshold=1000)}")
     return x
 
 
 def _check_right_hand_side(b: Array) -> None:
-    """Refuse a right-hand side that no residual can be relative to."""
+    """Refuse a zero right-hand side, for which relative residuals are undefined."""
     if not np.isfinite(_size(b)):
         raise ValueError("the norm of the right-hand side is not a number of float64: scale it")
 
 
 def _answer_zero(system: System, options: argparse.Namespace) -> tuple[int, dict[str, Any]]:
-    """Write the solution of A x = 0, and return the exit status, and the figures by name."""
+    """Write the solution of A x = 0, and return the exit status and the figures by name."""
     figures: dict[str, Any] = {"converged": True, "residual": 0.0, "iterations": 0}
     print(f"{system.title}\n\nconverged: the right-hand side is zero, and so is the solution")
     if options.output is not None:
@@ -202,7 +202,7 @@ def _answer_zero(system: System, options: argparse.Namespace) -> tuple[int, dict
 
 
 def _set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOperator | None, str]:
-    """Return the approximate inverse that the options ask for, and its name."""
+    """Return the requested approximate inverse and its name."""
     name, cycle = options.preconditioner, options.cycle
     if name == "none":
         return None, "plain"
@@ -226,7 +226,7 @@ def _set_up(A: LinearOperator, options: argparse.Namespace) -> tuple[LinearOpera
 
 
 def _iterate(system: System, M: LinearOperator | None, options: argparse.Namespace) -> Solution:
-    """Iterate from zero or a random guess, and print the residuals."""
+    """Iterate from zero or a random initial guess, and print the residuals."""
     print(" iteration   residual / right-hand side", flush=True)
     progress = Progress(system, report.Waiting("iterating"))
     guess, first = None, 1.0
@@ -241,14 +241,14 @@ def _iterate(system: System, M: LinearOperator | None, options: argparse.Namespa
     seconds = perf_counter() - start - progress.seconds
     work.points -= progress.points
     residual = system.residual(x)
-    # The recurrence of cg may have drifted from the true residual: the latter decides.
+    # The recurrence of cg may have drifted from the true residual, which decides.
     converged = info == 0 and residual <= 1.01 * options.rtol
     residuals = [first, *progress.residuals]
     return Solution(x, residuals, residual, converged, work.units(prod(grid_of(system.A))), seconds)
 
 
 def _print_report(solution: Solution, setup: float, of_others: str) -> None:
-    """Print what was found, and beside it what others have."""
+    """Print the result, and published values beside it."""
     count = len(solution.residuals) - 1
     factor = (solution.residual / solution.residuals[0]) ** (1.0 / max(count, 1))
     found = "converged" if solution.converged else "NOT CONVERGED"
@@ -263,12 +263,12 @@ def _print_report(solution: Solution, setup: float, of_others: str) -> None:
 
 
 def _size(v: Array) -> float:
-    # The norm is taken in float64, as that of numbers of float32 may be no number of float32.
+    # The norm is computed in float64, as it may overflow in float32.
     return float(norm(v.astype(np.float64, copy=False), check_finite=False))
 
 
 def _format_published(label: str, options: argparse.Namespace) -> str:
-    """Return what the paper has in the place of the last line, as far as it is legible."""
+    """Return the published last line, as far as it is legible."""
     log_n = options.n.bit_length() - 1
     if options.n != 2**log_n or options.rtol != 1e-8 or options.solver == "cg":
         return ""
@@ -283,7 +283,7 @@ def _format_published(label: str, options: argparse.Namespace) -> str:
         return ""
     if cell is not None:
         iterations, factor = str(cell.iterations), f"{cell.factor:.4f}"
-    else:  # The cell is illegible, but Table VI gives it away.
+    else:  # The cell is illegible, but its value follows from Table VI.
         factor, a_step = "", 2 if is_solver else published.UNITS_PER_CYCLE[label]
         iterations = str((units or 0) // a_step)
     line = f"{'the paper':12s}{iterations:>10s}   {factor:>6s}   {units or '':>10}"
@@ -291,7 +291,7 @@ def _format_published(label: str, options: argparse.Namespace) -> str:
 
 
 def _load_real(path: Path) -> Array:
-    """Read real numbers, in double precision: no less has the residual that is asked for."""
+    """Read real numbers in double precision, which the requested residual needs."""
     array = load_table(path)
     if array.dtype.kind not in "buif":
         raise ValueError(f"{path} has dtype {array.dtype}, but must be of real numbers")

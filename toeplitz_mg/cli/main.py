@@ -1,4 +1,4 @@
-"""The command line: which subcommand runs, and how it ends."""
+"""The command line: dispatch to subcommands, errors and exit status."""
 
 import io
 import sys
@@ -15,7 +15,7 @@ from toeplitz_mg import startup
 from toeplitz_mg.cli import contact, linear, report
 from toeplitz_mg.cli.arguments import parser, take_threads
 
-BROKEN_PIPE = 141  # Exit status: 128 and the number of SIGPIPE, which ends other programs so.
+BROKEN_PIPE = 141  # Exit status: 128 plus the number of SIGPIPE, as for other programs.
 COMMANDS: dict[str, Callable[..., tuple[int, dict[str, Any]]]] = {
     "paper": linear.run_paper,
     "solve": linear.run_solve,
@@ -34,14 +34,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 where it has converged, 1 where it has not, 2 for what cannot be done, 130 where
-        it was interrupted, 141 where nobody reads the report any more.
+        0 if it converged, 1 if it did not, 2 for errors, 130 if interrupted, 141 if the reader of
+        the report has stopped.
     """
     try:
         startup.raise_again()
         report.print_any_character()
         given = parser().parse_command(arguments)
-        if not any(value is not None for value in vars(given).values()):  # Nothing is asked for.
+        if not any(value is not None for value in vars(given).values()):  # No arguments.
             parser().print_help()
             return 0
         is_json = vars(given).get("json", False)
@@ -53,9 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     status, figures = COMMANDS[given.command or "paper"](given)
             if is_json:
                 print(report.write_json(figures))
-            print(end="", flush=True)  # A full disk is to be noticed here, not at exit.
+            print(end="", flush=True)  # Raises an error for a full disk here, not at exit.
         return status if reader.is_there else status or BROKEN_PIPE
-    except BrokenPipeError:  # Who reads the report has read enough, as `head` has.
+    except BrokenPipeError:  # The reader has stopped, as `head` does.
         report.drop_output()
         return BROKEN_PIPE
     except OSError as error:
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _print_warning(
     show: Any, message: Warning | str, category: type[Warning], *place: Any, **options: Any
 ) -> None:
-    """Say what a warning says, in one line; what is for programmers is shown as before."""
+    """Print a warning on one line; warnings for programmers are shown in full."""
     if issubclass(category, DeprecationWarning | FutureWarning):
         show(message, category, *place, **options)
         return
@@ -80,8 +80,8 @@ def _print_warning(
 
 
 def _fail(message: str, status: int = 2) -> int:
-    """Say in one line why there is no result, and return the exit status."""
-    with suppress(OSError):  # If not even this can be printed, the status says it.
+    """Print an error on one line, and return the exit status."""
+    with suppress(OSError):  # If this cannot be printed either, the status tells.
         print(" ".join(message.splitlines()), file=sys.stderr)
     try:
         print(end="", flush=True)

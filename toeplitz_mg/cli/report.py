@@ -1,4 +1,4 @@
-"""What is printed: by any terminal, and a line for each step of an iteration."""
+"""Printing: the report on any terminal, and a line for each step of an iteration."""
 
 import io
 import json
@@ -17,8 +17,8 @@ import numpy as np
 from toeplitz_mg._typing import Progress
 
 PRESSURE, TANGENTIAL = "pressure", "tangential traction"  # Names of the results of a contact.
-Solve = Callable[[str, Callable[[Progress], Any]], Any]  # Calls a solver, and prints its progress.
-PATIENCE = 2.0  # Seconds after which a terminal shows that something is being done.
+Solve = Callable[[str, Callable[[Progress], Any]], Any]  # Calls a solver, prints its progress.
+PATIENCE = 2.0  # Seconds after which a terminal shows that work is in progress.
 EXIT_STATUS = (
     "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted, 141 nobody reads "
     "the report any more."
@@ -26,24 +26,24 @@ EXIT_STATUS = (
 
 
 def print_any_character() -> None:
-    """Print what the terminal does not have as its number, so that no result is lost at a "²"."""
-    failing = ("strict", "surrogateescape")  # Any other was asked for, as by PYTHONIOENCODING.
+    """Escape characters that the terminal's encoding lacks, so that a "²" raises no error."""
+    failing = ("strict", "surrogateescape")  # Other handlers were chosen by PYTHONIOENCODING.
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def print_step(count: int, error: float) -> None:
-    """Print how far an iteration is, and how far from its end."""
+    """Print the number of a step and the remaining error."""
     print(f"{count:10d}   {format_error(error, 3)}", flush=True)
 
 
 def format_error(error: float, digits: int) -> str:
-    """Return an error with this many digits after the point; zero as a zero."""
+    """Return an error with so many digits after the point; zero as a zero."""
     return f"{error:.{digits}e}" if error else "0"
 
 
 def write_json(figures: Mapping[str, Any]) -> str:
-    """Return figures as JSON, by name; what is no number there, as an infinity, is null."""
+    """Return figures as JSON, by name; infinity and NaN become null."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, Mapping):
@@ -60,13 +60,13 @@ def write_json(figures: Mapping[str, Any]) -> str:
 
 
 def drop_output() -> None:
-    """Print no more: at exit Python would try once more, with a traceback."""
+    """Discard further output: at exit Python would try to flush it, with a traceback."""
     with suppress(OSError):  # The stream may have no file.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class Reader:
-    """The standard output, whose reader may leave, as `head` does: then nothing more is printed."""
+    """The standard output, which ignores further text once its reader (like `head`) has stopped."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -77,7 +77,7 @@ class Reader:
         return self._call(self._stream.write, text) or 0
 
     def flush(self) -> None:
-        """Print what is not printed yet."""
+        """Flush the stream."""
         self._call(self._stream.flush)
 
     def _call(self, method: Callable[..., Any], *arguments: str) -> Any:
@@ -94,7 +94,7 @@ class Reader:
 
 @contextmanager
 def outlasting_its_reader(goes_on: bool) -> Iterator[Reader]:
-    """Go on where nobody reads the report any more, if that is wanted, as for files to write."""
+    """Continue after the reader of the report has stopped, if files remain to be written."""
     reader = Reader(sys.stdout)
     if not goes_on or sys.stdout is None:
         yield reader
@@ -104,10 +104,10 @@ def outlasting_its_reader(goes_on: bool) -> Iterator[Reader]:
 
 
 class Waiting:
-    """What a terminal shows on the standard error while something takes long, and then erases.
+    """A progress display on a terminal's standard error, which is erased at the end.
 
-    Nothing is shown in the first two seconds, nor where the standard error is no terminal, nor
-    once lines of the report come on a terminal, which show enough.
+    It appears after two seconds, only on a terminal, and only until lines of the report appear on a
+    terminal.
     """
 
     def __init__(self, what: str, patience: float = PATIENCE) -> None:
@@ -116,7 +116,7 @@ class Waiting:
         self._thread = threading.Thread(target=self._show, daemon=True)
 
     def __enter__(self) -> Self:
-        if sys.stderr and sys.stderr.isatty():  # It is None where a daemon has closed it.
+        if sys.stderr and sys.stderr.isatty():  # It is None if closed, as in a daemon.
             self._thread.start()
         return self
 
@@ -124,12 +124,12 @@ class Waiting:
         self.end()
 
     def before_line(self) -> None:
-        """Make room for a line of the report."""
+        """Erase the display before a line of the report."""
         if sys.stdout and sys.stdout.isatty():
             self.end()
 
     def end(self) -> None:
-        """Show no more, and erase what is shown."""
+        """Erase the display and stop."""
         self._over.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -145,9 +145,9 @@ class Waiting:
 
 
 def step_printer(waiting: Waiting) -> Callable[[int, float], None]:
-    """Return what prints a step of a contact problem where it is told of another violation.
+    """Return a function that prints a step of a contact problem when the violation changes.
 
-    It is told after each product, and with none on coarser grids, which are not printed.
+    It is called after each product; calls with 0 products (on coarser grids) print nothing.
     """
     last = inf
 

@@ -1,4 +1,4 @@
-"""The case ``rough`` of ``toeplitz-mg contact``: a measured surface, from a file, on a flat."""
+"""The case ``rough`` of ``toeplitz-mg contact``: a measured surface on a flat."""
 
 import argparse
 import re
@@ -15,14 +15,14 @@ ARGUMENT = re.compile(r"\b(channel|element|unit)=")
 
 @dataclass(frozen=True)
 class Rough:
-    """A surface from a file, or a profile, that is pressed on a flat.
+    """A measured surface or profile, which is pressed on a flat.
 
     Attributes
     ----------
     options : Namespace
-        What the user asked for, with the defaults.
+        The user's options and defaults.
     surface : Heights
-        What the file has.
+        The content of the file.
     """
 
     options: argparse.Namespace
@@ -30,7 +30,7 @@ class Rough:
 
     @classmethod
     def of(cls, options: argparse.Namespace) -> "Rough":
-        """Read the file, or say why it does not do."""
+        """Read the file, or raise an error that names the options."""
         o = options
         try:
             with Waiting(f"reading {o.file}"):
@@ -41,7 +41,7 @@ class Rough:
                     element=_one_or_two(o.element),
                     unit=_one_or_two(o.unit),
                 )
-        except ValueError as error:  # It names the arguments of `surfaces.read`.
+        except ValueError as error:  # It names arguments of `surfaces.read`.
             raise ValueError(ARGUMENT.sub(r"--\1", str(error))) from error
         if heights.element is None:
             raise ValueError(f"{o.file} has no sizes: give --element, and --unit if not mm")
@@ -55,12 +55,12 @@ class Rough:
 
     @property
     def is_plane(self) -> bool:
-        """Whether it is plane strain: a profile without a length."""
+        """Whether plane strain is assumed: for a profile without a length."""
         return self.surface.element is not None and len(self.surface.element) == 1
 
     @property
     def title(self) -> str:
-        """A line that says what is solved."""
+        """One line that describes the problem."""
         plane = " of a profile, in plane strain: forces are N/mm" if self.is_plane else ""
         shape = " x ".join(map(str, self.surface.heights.shape))
         return f"rough: {self.options.file}, {shape} heights{plane}"
@@ -78,5 +78,5 @@ class Rough:
 
 
 def _one_or_two(values: Any) -> Any:
-    """Return what an option has as an argument: of one value that, of two both."""
+    """Return the values of an option as an argument: a number if there is one, else both."""
     return values and (values[0] if len(values) == 1 else tuple(values))
