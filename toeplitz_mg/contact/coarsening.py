@@ -1,4 +1,4 @@
-"""Fields on a grid of elements twice the size: averages, and what is between them."""
+"""Averages of fields on a grid with elements twice the size, and interpolation back."""
 
 from typing import Any
 
@@ -9,9 +9,9 @@ from toeplitz_mg.engine.embedding import cut
 
 
 def coarsen(x: Array, halved: tuple[bool, ...] = (True, True), xp: Any = np) -> Array:
-    """Average 2 elements along the last axes that are halved; a last one alone counts twice.
+    """Average pairs of elements along the last axes that are halved.
 
-    The array is of the library `xp`.
+    An unpaired last element counts twice. The array belongs to the library `xp`.
     """
     for axis, two in enumerate(halved, x.ndim - len(halved)):
         n = x.shape[axis]
@@ -30,18 +30,17 @@ def refine(
     periodic: tuple[bool, ...] = (False, False),
     xp: Any = np,
 ) -> Array:
-    """Interpolate a field of a coarser grid: 3/4 of the nearest element, 1/4 of the next.
+    """Interpolate a field from a coarser grid: 3/4 of the nearest element, 1/4 of the next.
 
-    The finer grid has this shape, and twice the elements along axes that are halved; along those
-    that are periodic the first element is the next of the last one. The array is of the library
-    `xp`.
+    The finer grid has the given shape: twice the elements along halved axes. Along periodic axes
+    the first element follows the last one. The array belongs to the library `xp`.
     """
     for k, n in enumerate(shape):
         axis = x.ndim - len(shape) + k
         if n == 1 or not halved[k]:
             continue
         near, far = 0.75 * x, 0.25 * x
-        # Each is between its own element of the coarser grid, and that before or after it.
+        # Each lies between its own element of the coarser grid and the one before or after it.
         first, last = far[cut(axis, 0, 1)], far[cut(axis, x.shape[axis] - 1)]
         before_first, after_last = (last, first) if periodic[k] else (first, last)
         even = near + xp.concat([before_first, far[cut(axis, 0, x.shape[axis] - 1)]], axis=axis)

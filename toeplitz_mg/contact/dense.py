@@ -1,4 +1,4 @@
-"""Matrices of few elements in contact as arrays."""
+"""Matrices for few elements in contact, stored as arrays."""
 
 from functools import cached_property
 from typing import Any
@@ -11,18 +11,18 @@ from toeplitz_mg.engine.vectors import VECTORS
 from toeplitz_mg.engine.work import count_work
 from toeplitz_mg.operators import CoupledOperator
 
-LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Diagonals of a matrix that single precision is good for.
+LEAST_UNIT, MOST_UNIT = 1e-12, 1e12  # Range of diagonals for single precision.
 
 
 def precision_for(unit: float) -> type[np.floating[Any]]:
-    """Return single precision, where the diagonal of a matrix is in its range, or double."""
+    """Return single precision if the diagonal of a matrix is in its range, else double."""
     return np.float32 if LEAST_UNIT < unit < MOST_UNIT else np.float64
 
 
 class DenseMatrix:
     """The rows and columns of a matrix for the elements in contact, as an array.
 
-    Fields of these elements are one axis.
+    Fields on these elements have one axis.
     """
 
     vectors = VECTORS
@@ -31,7 +31,7 @@ class DenseMatrix:
         blocks = K.blocks if isinstance(K, CoupledOperator) else [[K]]
         m = np.count_nonzero(contact)
         self.array = np.zeros((len(blocks) * m, len(blocks) * m))
-        # The number of a lag is the difference of those of two elements on the grid of lags.
+        # The index of a lag is the difference of the indices of two elements in the grid of lags.
         number = np.ravel_multi_index(contact.nonzero(), [2 * n - 1 for n in contact.shape])
         lag = np.subtract.outer(number, number)
         for i, row in enumerate(blocks):
@@ -50,16 +50,16 @@ class DenseMatrix:
         return inverse
 
     def inverse(self, *, precisely: bool) -> Array:
-        """Return the inverse, in double precision or in single."""
+        """Return the inverse, in double or single precision."""
         return self._inverse if precisely else self._rough_inverse
 
     def apply(self, X: Array, out: Array | None = None) -> Array:
-        """Multiply a field of the elements in contact."""
+        """Multiply a field on the elements in contact."""
         count_work(1, X.size)
         return self.array @ X
 
     def solve(self, u: Array) -> Array:
-        """Return the tractions that have these displacements in a step, to some 10 digits."""
+        """Return the tractions that cause these displacements in a step, to some 10 digits."""
         q = np.zeros(len(u))
         for _ in range(2):
             rest = (u - self.array @ q).astype(self._rough_inverse.dtype)

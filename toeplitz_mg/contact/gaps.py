@@ -1,15 +1,15 @@
-"""What a user gives for the surfaces: the sign, the zero and the units are decided here.
+"""The user's surfaces: this file decides on signs, the zero of the gap, and units.
 
-The gap is positive where the bodies are apart, and the approach counts from where the gap is zero.
-Heights are those of one body above its own inside, so that a summit is positive; of two rough
-bodies they add up. They are pressed on a flat, and the gap is zero at the highest of them:
+The gap is positive where the bodies are apart, and the approach counts from zero gap. Heights are
+positive at summits (away from the material); those of two rough bodies are added. They are pressed
+on a flat, and the gap is zero at the highest point:
 
     gap = max(heights) - heights.
 
-Where there is no material the gap is infinite: missing heights (NaN, or masked) are such, and they
-are never in contact. What knows its own sizes, units or axes is asked for them, and an argument
-that contradicts it is refused: heights of a file (`reading`), topographies of SurfaceTopography,
-labelled arrays of xarray, quantities of pint.
+The gap is infinite where there is no material, as for missing heights (NaN or masked), which are
+never in contact. Heights from a file (`reading`), topographies of SurfaceTopography, labelled
+arrays of xarray and quantities of pint provide their sizes, units or axes; contradicting arguments
+are refused.
 """
 
 import os
@@ -23,16 +23,16 @@ from toeplitz_mg._typing import Array, Element, Unit
 from toeplitz_mg.contact.grid import read_sizes
 from toeplitz_mg.values import field, has_unit, in_unit, refuse_masked
 
-# Units of length in mm. SurfaceTopography writes them so; the two signs for micro look alike.
+# Units of length in mm, as SurfaceTopography writes them; the two signs for micro look alike.
 UNITS = {
     "Gm": 1e12, "Mm": 1e9, "km": 1e6, "m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3,
     "μm": 1e-3, "nm": 1e-6, "Å": 1e-7, "A": 1e-7, "pm": 1e-9, "fm": 1e-12,
 }  # fmt: skip
-ALIKE = 1e-6  # Relative difference of sizes that are the same: coordinates may be of float32.
+ALIKE = 1e-6  # Relative difference of equal sizes: coordinates may be in float32.
 
 
 class Surface(NamedTuple):
-    """A gap and the size of an element, mm, and along which axes they repeat."""
+    """A gap, the size of an element, mm, and along which axes the surface repeats."""
 
     gap: Array
     element: Any
@@ -41,20 +41,20 @@ class Surface(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Heights:
-    """Heights of a surface with the size of its elements: an argument ``heights=``.
+    """Heights of a surface with the size of its elements, for ``heights=``.
 
     Attributes
     ----------
     heights : ndarray of shape (n1, n2) or (n,)
         mm, positive at summits, NaN where they are missing.
     element : tuple of float, or None
-        Their size along each axis, mm; None where it has to be given.
+        Size of an element along each axis, mm; None if it is unknown.
     periodic : bool
         Whether the surface repeats.
 
     See Also
     --------
-    toeplitz_mg.contact.surfaces.read : makes it of a file.
+    toeplitz_mg.contact.surfaces.read : reads them from a file.
     """
 
     heights: Array
@@ -75,19 +75,18 @@ def read_surface(
     unit: Unit | None,
     periodic: Any,
 ) -> Surface:
-    """Return the surface that was given, or say what is wrong with it.
+    """Return the given surface, or raise an error.
 
     Parameters
     ----------
     gap : array_like or None
     element : float or (float, float), or None
     heights : array_like, masked array, Heights, topography of SurfaceTopography, or None
-        In the place of the gap.
+        Instead of the gap.
     unit : str or (str, str), or None
-        That of the gap or the heights, and of the element, or one of each: mm, where there is no
-        other.
+        Unit of the gap or the heights and of the element, or one each; by default mm.
     periodic : bool, tuple of bool or None
-        None is what the heights say, and False otherwise.
+        None means as the heights say, otherwise False.
     """
     if (gap is None) == (heights is None):
         raise ValueError(
@@ -130,14 +129,14 @@ def read_surface(
         raise TypeError("element is missing: the size (h1, h2) of an element must be given")
     z = _check_gap(given) if heights is None else _press_on_a_flat(given)
     if unit is not None:
-        read_sizes(z.shape, element)  # In the unit that was given, as errors are to say it.
+        read_sizes(z.shape, element)  # Checked in the given unit, for the error message.
         z *= factors[0]
         element = tuple((factors[1] * np.atleast_1d(field("element", element))).tolist())
     return Surface(z, element, False if periodic is None else periodic)
 
 
 def _ask_heights(given: Heights, element: Any, unit: Any, periodic: Any) -> tuple[Any, Any, Any]:
-    """Return what a file says of its heights, and what was given beside it."""
+    """Combine what a file says about its heights with the given arguments."""
     for name, value in (("element", element), ("unit", unit)):
         if value is not None and (name == "unit" or given.element is not None):
             own = f"{given.element} mm" if name == "element" else "mm"
@@ -147,12 +146,12 @@ def _ask_heights(given: Heights, element: Any, unit: Any, periodic: Any) -> tupl
 
 
 def has_axes(values: Any) -> bool:
-    """Whether the axes of an array have names, as those of xarray."""
+    """Whether the axes of an array have names, as in xarray."""
     return hasattr(values, "dims") and hasattr(values, "coords") and hasattr(values, "transpose")
 
 
 def in_order(name: str, values: Any) -> Any:
-    """Return an array whose last axes are x and y; if they have names, by these."""
+    """Return an array whose last axes are x and y, ordered by their names if they have any."""
     if not has_axes(values):
         return values
     dims = list(values.dims)
@@ -166,7 +165,7 @@ def in_order(name: str, values: Any) -> Any:
 
 
 def measure_axes(name: str, values: Any, element: Any) -> tuple[Any, tuple[float, ...] | None]:
-    """Return an array with named axes in their order, and the element that its coordinates say."""
+    """Return an array with named axes in order, and the element that its coordinates imply."""
     values = in_order(name, values)
     found: list[float | None] = []
     for dim in values.dims:
@@ -200,7 +199,7 @@ def unit_of_axes(name: str, values: Any) -> str | None:
 
 
 def _ask_axes(name: str, given: Any, element: Any, unit: Any) -> tuple[Any, Any, Any]:
-    """Return what a labelled array says of its axes and units, and what was given beside it."""
+    """Combine the axes and units of a labelled array with the given arguments."""
     is_measured = element is None
     given, element = measure_axes(name, given, element)
     stated = given.attrs.get("units"), unit_of_axes(name, given)
@@ -220,7 +219,7 @@ def _ask_axes(name: str, given: Any, element: Any, unit: Any) -> tuple[Any, Any,
 
 
 def _is_topography(surface: Any) -> bool:
-    """Whether this is of SurfaceTopography, which need not be imported for that."""
+    """Whether this is a SurfaceTopography object, without importing that library."""
     is_of_library = type(surface).__module__.partition(".")[0] == "SurfaceTopography"
     if not (is_of_library or hasattr(surface, "physical_sizes")):
         return False
@@ -243,7 +242,7 @@ def agree_on_unit(of: str, own: str | None, given: Unit | None) -> Any:
 
 
 def read_unit(unit: Unit | None) -> tuple[float, float]:
-    """Return the units of heights and of elements in mm, of one name or of two."""
+    """Return the units of heights and of elements in mm, from one name or two."""
     names = (unit, unit) if unit is None or isinstance(unit, str) else tuple(unit)
     if len(names) != 2:
         raise ValueError(
@@ -257,7 +256,7 @@ def read_unit(unit: Unit | None) -> tuple[float, float]:
 
 
 def _check_gap(gap: ArrayLike) -> Array:
-    """Return a gap as an array, or say where there is no material."""
+    """Return a gap as an array, or raise an error that says where it is invalid."""
     array = refuse_masked("gap", gap)
     if array.dtype.kind == "f" and np.isnan(array).any():
         raise ValueError(
@@ -268,7 +267,7 @@ def _check_gap(gap: ArrayLike) -> Array:
 
 
 def _press_on_a_flat(heights: Any) -> Array:
-    """Return the gap between heights and a flat that touches the highest of them."""
+    """Return the gap between heights and a flat that touches the highest point."""
     if np.ma.isMaskedArray(heights):
         missing = np.ma.getmaskarray(heights)
         heights = np.ma.getdata(heights)

@@ -31,21 +31,21 @@ from toeplitz_mg.preconditioners.traits import fragmentation
 from toeplitz_mg.preconditioners.trigonometric import cosine_preconditioner
 from toeplitz_mg.values import field, in_range, positive
 
-# What is computed of small grids is kept for the next case, as tables are made of many on one grid
-# whose matrices take longer than a case. It is kept by all that a grid is, and never changed.
-SMALL = 2**11  # Most elements of such a grid: half a megabyte each matrix, at most.
-KEPT = 32  # Results of a function that are kept, by default.
-# Most unknowns of a matrix that is kept as an array, to be solved directly, and how many are kept:
-# one of 640 takes 7 MB.
+# Results for small grids are cached: tables have many cases on one grid, and its matrices take
+# longer than a case. The key is the grid itself; cached values are never modified.
+SMALL = 2**11  # Number of elements of the largest such grid: at most half a megabyte per matrix.
+KEPT = 32  # Cached results per function, by default.
+# Most unknowns of a matrix that is stored as an array and solved directly, and the number of such
+# arrays that are cached; one with 640 unknowns takes 7 MB.
 DENSE, ARRAYS = 640, 8
-COARSEST = 32  # Elements along the longest axis from which nested iteration coarsens no further.
-COARSEST_LINE = 256  # Those of a line, where products take little beside the calls of more grids.
+COARSEST = 32  # Nested iteration stops at this number of elements along the longest axis.
+COARSEST_LINE = 256  # The same for lines, where the overhead of more grids exceeds the products.
 
 Asked = TypeVar("Asked")
 
 
 def keep(function: Callable[..., Asked], most: int = KEPT) -> Callable[..., Asked]:
-    """Let a function of a grid, and of what can be hashed, keep what it returns for small grids."""
+    """Cache the results of a function of a grid and hashable arguments, for small grids."""
     kept = lru_cache(maxsize=most)(function)
 
     @wraps(function)
@@ -59,22 +59,22 @@ def keep(function: Callable[..., Asked], most: int = KEPT) -> Callable[..., Aske
 class Grid:
     """Elements on a surface, and the material below.
 
-    What the searches do with more than one element is here and in `vectors`, so that they need not
-    know whether a field is in one piece. `toeplitz_mg.slabs` has a grid that is not.
+    The searches use this class and `vectors` for everything that involves several elements, so they
+    do not depend on how fields are stored. `toeplitz_mg.slabs` has a distributed grid.
     """
 
-    shape: tuple[int, ...]  # One axis is line contact: strips across the direction of x.
-    # (h1, h2), the size of an element; of strips (h, b), their width and length, or (h,) where they
-    # are of infinite length, which is plane strain.
+    shape: tuple[int, ...]  # One axis is line contact: strips perpendicular to x.
+    # (h1, h2), the size of an element; for strips (h, b), their width and length, or (h,) if they
+    # are infinitely long, which is plane strain.
     element: tuple[float, ...]
-    material: CombinedMaterial  # Of the two bodies.
+    material: CombinedMaterial  # The combined constants of the two bodies.
     # In plane strain, and on a surface that repeats along one axis, the distance at which a line
-    # load moves nothing.
+    # load causes no displacement.
     reference: float
     periodic: tuple[bool, ...]  # Along which axes the surface repeats.
-    directions: str = "xy"  # Of tangential tractions: "x" or "xy".
-    library: Library = NUMPY  # Of the arrays that fields are.
-    callers = 0  # Functions between the user and the one of `contact` that has made it.
+    directions: str = "xy"  # Directions of tangential tractions: "x" or "xy".
+    library: Library = NUMPY  # The library of the arrays that hold fields.
+    callers = 0  # Stack frames between the user and the function of `contact` that has made it.
 
     @classmethod
     def of(
@@ -85,9 +85,9 @@ class Grid:
         reference: float | None,
         periodic: Any = False,
     ) -> Self:
-        """Return a grid of what the user gave, or say what is wrong with it.
+        """Return the grid for the user's arguments, or raise an error.
 
-        In the place of the size of an element `toeplitz_mg.slabs` gives its grid.
+        `toeplitz_mg.slabs` passes its grid instead of the size of an element.
         """
         if isinstance(element, Grid):
             return cast(Self, element)
@@ -111,17 +111,17 @@ class Grid:
         return self.library.vectors
 
     def agree(self, read: Callable[..., Asked], *arguments: Any) -> Asked:
-        """Return what is read of arguments, which several ranks have alike, or refuse together."""
+        """Return the result of reading arguments, or raise an error, on all ranks alike."""
         return read(*arguments)
 
     @property
     def area(self) -> float:
-        """The area of an element; in plane strain per unit of length, its width."""
+        """The area of an element; in plane strain its width (area per unit of length)."""
         return prod(self.element)
 
     @property
     def force_unit(self) -> str:
-        """The unit of forces: in plane strain they are per unit of length."""
+        """The unit of forces; in plane strain it is per unit of length."""
         return "N/mm" if len(self.element) == 1 else "N"
 
     @property
@@ -131,25 +131,25 @@ class Grid:
 
     @property
     def is_small(self) -> bool:
-        """Whether what is computed of the grid is kept for the next case on it."""
+        """Whether results for the grid are cached for the next case on it."""
         return prod(self.shape) <= SMALL
 
     @property
     def has_free_mean(self) -> bool:
-        """Whether a mean pressure moves the surface by any distance, as of one without ends."""
+        """Whether the mean displacement is undetermined, as for surfaces without ends."""
         return any(self.periodic) and self._waves.are_all
 
     def centres(self) -> tuple[Array, ...]:
-        """Return the centres of the elements along each axis, zero in the middle of the grid."""
+        """Return the centres of the elements along each axis; zero is the middle of the grid."""
         return tuple(
             h * (np.arange(n) - (n - 1) / 2.0)
             for n, h in zip(self.shape, self.element, strict=False)
         )
 
     def coarser(self, coarsest: int | None = None) -> "Grid | None":
-        """Return the grid of elements twice the size, or None where that would be too coarse.
+        """Return the grid with elements twice the size, or None if it would be too coarse.
 
-        That is where this one has so many elements along its longest axis, or fewer.
+        That is so if this grid has at most `coarsest` elements along its longest axis.
         """
         if max(self.shape) <= (coarsest or self.coarsest) or not any(self.halved):
             return None
@@ -165,9 +165,9 @@ class Grid:
 
     @property
     def halved(self) -> tuple[bool, ...]:
-        """The axes along which two elements are one of the coarser grid.
+        """The axes along which the coarser grid has half as many elements.
 
-        Where the surface repeats, an odd number of them cannot be halved.
+        Along periodic axes an odd number cannot be halved.
         """
         return tuple(
             n > 1 and not (repeats and n % 2)
@@ -175,31 +175,31 @@ class Grid:
         )
 
     def coarsen(self, x: Array) -> Array:
-        """Return the averages of a field, of any components, on the coarser grid."""
+        """Return the averages of a field, with any components, on the coarser grid."""
         return coarsen(x, self.halved, self.library.xp)
 
     def refine(self, x: Array) -> Array:
-        """Interpolate a field, of any components, from the coarser grid."""
+        """Interpolate a field, with any components, from the coarser grid."""
         return refine(x, self.shape, self.halved, self.periodic, self.library.xp)
 
     def window(self, elements: Mask, margin: float = 0.0) -> Window:
-        """Return the rectangle around some elements, and a margin; the grid where none are."""
+        """Return the rectangle around some elements with a margin; the grid if there are none."""
         ends = (ends_of(elements, axis) for axis in range(elements.ndim))
         return Window(self, box_around(self, ends, margin))
 
     def lines(self, x: Array, axis: int) -> Array:
-        """Return the lines of a field along an axis, as the last axis."""
+        """Return the lines of a field along an axis; they are the last axis of the result."""
         return np.moveaxis(x, axis, -1)
 
     def fragmentation(self, C: Mask) -> float:
-        """Return how long the edge of some elements is (see `traits.fragmentation`)."""
+        """Return the relative length of the edge of some elements (see `traits.fragmentation`)."""
         return fragmentation(self.library.to_numpy(C))
 
     @keep
     def scaled_normal(self) -> tuple[ToeplitzOperator, float]:
-        """Return the matrix of the normal displacements by the pressures, scaled (Eq. 6-7).
+        """Return the matrix of normal displacements due to pressures, scaled (Eq. 6-7).
 
-        It is over its diagonal, which is returned beside it.
+        Its diagonal is 1; the second value is the original diagonal.
         """
         if any(self.periodic):
             return self._waves.normal()
@@ -209,15 +209,15 @@ class Grid:
         return ToeplitzOperator(self.library.from_numpy(c)), unit
 
     def scaled_inverse(self) -> tuple[ToeplitzOperator, float]:
-        """Return the pressures by the displacements over their diagonal, and that.
+        """Return the scaled matrix of pressures due to displacements, and its diagonal entry.
 
-        The surface repeats along all axes. A mean displacement takes no pressure.
+        For surfaces that repeat along all axes. A mean displacement needs no pressure.
         """
         return self._waves.inverse_of_normal()
 
     @keep
     def tangential(self) -> ToeplitzOperator | CoupledOperator:
-        """Return the matrix of the tangential displacements by the tractions (Eq. 6-7)."""
+        """Return the matrix of the tangential displacements due to the tractions (Eq. 6-7)."""
         if any(self.periodic):
             return self._waves.tangential(self.directions)
         return self._matrix(0)
@@ -231,7 +231,7 @@ class Grid:
         return self._matrix(1)
 
     def coupling(self, ahead: int = 0) -> tuple[ToeplitzOperator | None, ...]:
-        """Return the matrices of the tangential displacements by the pressures, by components."""
+        """Return the matrices of tangential displacements due to pressures, by component."""
         return coupling_matrices(
             self.directions, self.shape, self.element, self.material, ahead=ahead
         )
@@ -242,9 +242,9 @@ class Grid:
         return A - self.upstream()
 
     def dense(self, contact: Mask, *, steady: bool) -> DenseMatrix | None:
-        """Return the matrix of shifted bodies, or of steady rolling, as an array if it is small."""
+        """Return the matrix for shifted bodies or steady rolling as an array, if it is small."""
         if contact.all() and self.has_free_mean:
-            return None  # It is singular: a mean traction displaces nothing.
+            return None  # It is singular: a mean traction causes no displacement.
         if self.is_small and 0 < self.components * np.count_nonzero(contact) <= DENSE:
             return self._dense(contact.tobytes(), steady)
         return None
@@ -257,9 +257,9 @@ class Grid:
 
     @keep
     def invert_shifted(self, K: Any, dtype: DTypeLike, own: tuple[Any, ...] = ()) -> Any:
-        """Return approximate inverses of the matrix of steady rolling with additions.
+        """Return approximate inverses of the matrix of steady rolling plus ν I, for several ν.
 
-        Those of its components without additions may be known.
+        Those of its components without ν may be known (`own`).
         """
         return ShiftedInverses.of(K, FieldTransform(self.shape, dtype), own)
 
@@ -271,19 +271,19 @@ class Grid:
 
     @keep
     def invert_by_transform(self, A: Any, dtype: DTypeLike | None = None) -> Any:
-        """Return an approximate inverse of a matrix of this grid."""
+        """Return an approximate inverse of a matrix on this grid."""
         return (self._waves.invert if any(self.periodic) else cosine_preconditioner)(A, dtype=dtype)
 
     def invert_by_fsai(self, A: Any, C: Mask, dtype: DTypeLike | None = None) -> Any:
-        """Return an approximate inverse of a matrix of this grid on some elements."""
+        """Return an approximate inverse of a matrix on this grid for some elements."""
         return quick_fsai(MaskedOperator(A, C), dtype=dtype)
 
     def restrict(self, A: Any, C: Mask) -> Any:
-        """Return the rows and columns of some elements of a matrix of this grid."""
+        """Return the rows and columns of a matrix on this grid for some elements."""
         return MaskedOperator(A, C)
 
     def diagonal(self, A: Any) -> float:
-        """Return the entry on the diagonal of a matrix of this grid, of the first component."""
+        """Return the diagonal entry of a matrix on this grid, for the first component."""
         return float(getattr(A, "blocks", ((A,),))[0][0].diagonal_entry)
 
     @property
@@ -293,26 +293,26 @@ class Grid:
 
     @property
     def _waves(self) -> Waves:
-        """What the matrices of a surface that repeats are made of."""
+        """The kernels of a periodic surface."""
         return Waves(self.shape, self.element, self.material, self.periodic, self.reference)
 
     def _matrix(self, ahead: int) -> Any:
-        """Return the matrix of tangential displacements, so many elements ahead."""
+        """Return the matrix of the tangential displacements so many elements ahead."""
         coefficients = self._coefficients().items()
         own = {name: c[: self.shape[0] + ahead] for name, c in coefficients}
         return assemble(self.directions, own, ahead)
 
     @keep
     def _coefficients(self) -> dict[str, Array]:
-        """Return the coefficients of a grid that is one element longer, which has those ahead."""
+        """Return the coefficients for a grid with one more element, which include those ahead."""
         longer = (self.shape[0] + 1, *self.shape[1:])
         return evaluate_all(self.directions, longer, self.element, self.material, self.reference)
 
 
 def read_sizes(shape: tuple[int, ...], element: Element) -> tuple[float, ...]:
-    """Return the sizes of an element of a grid, or say what is wrong with them, or with the grid.
+    """Return the sizes of an element of a grid, or raise an error for them or for the grid.
 
-    There are two, along x and y, or of strips of infinite length one.
+    There are two, along x and y, or one for infinitely long strips.
     """
     if len(shape) not in (1, 2) or min(shape) < 1:
         raise ValueError(
@@ -334,7 +334,7 @@ def read_sizes(shape: tuple[int, ...], element: Element) -> tuple[float, ...]:
 
 
 def _read_periodic(periodic: Any, axes: int) -> tuple[bool, ...]:
-    """Return along which axes a surface repeats, or say what is wrong with what was given."""
+    """Return along which axes a surface repeats, or raise an error."""
     given = tuple(periodic) if np.iterable(periodic) else (periodic,) * axes
     if len(given) != axes or not all(isinstance(value, bool | np.bool_) for value in given):
         raise ValueError(
@@ -350,9 +350,9 @@ def _read_reference(
     sizes: tuple[float, ...],
     periodic: tuple[bool, ...],
 ) -> float:
-    """Return the distance at which a line load moves nothing: by default the length across it."""
+    """Return the distance at which a line load causes no displacement; by default the length."""
     ends = [axis for axis in range(len(sizes)) if not (*periodic, False)[axis]]
-    # One axis that ends, of a body that goes on for ever along the other, is a line contact.
+    # A surface that repeats along one axis and ends along the other is like a line contact.
     is_line = len(ends) == 1 and (len(sizes) == 1 or any(periodic))
     if reference is None:
         axis = ends[0] if is_line else 0

@@ -1,4 +1,4 @@
-"""Approximate inverses on areas of contact: by a cosine transform, on fragmented ones by FSAI."""
+"""Approximate inverses on contact areas: by a cosine transform, or by FSAI if fragmented."""
 
 from contextlib import suppress
 from functools import partial
@@ -15,16 +15,16 @@ from toeplitz_mg.operators import ToeplitzOperator, apply_to_rows
 from toeplitz_mg.operators.base import library_for
 from toeplitz_mg.preconditioners.choice import is_fsai_kept, is_fsai_worthwhile
 
-FEW = 2**11  # Elements in contact up to which friction in single precision saves no time.
-# The inverse of A decays as the cube of the distance, so that FSAI of it serves sets of which up to
-# this share has changed: the diagonal alone is good enough for the others.
+FEW = 2**11  # With fewer elements in contact, single precision saves no time for friction.
+# The inverse of A decays as the cube of the distance, so FSAI remains useful after up to this share
+# of the elements has changed: for the new elements the diagonal is good enough.
 ALIKE = 0.1
-PATIENCE = 40  # Iterations on sets of a line that take about as long as a set-up of FSAI.
-WIDE = 2**17  # Fewest elements of a grid whose transforms take longer than FSAI of a few of them.
+PATIENCE = 40  # Iterations on a line that take about as long as the set-up of FSAI.
+WIDE = 2**17  # On larger grids, transforms take longer than FSAI on a few elements.
 
 
 class LocalInverse:
-    """FSAI of some elements C, an approximate inverse P on them, and the identity on others."""
+    """FSAI on the elements C, and the identity on the others."""
 
     def __init__(self, P: Any, C: Array) -> None:
         self.C, self._library, self._apply = C, library_for(P), partial(apply_to_rows, P)
@@ -39,10 +39,10 @@ class LocalInverse:
 def invert_locally(
     grid: Grid, A: Any, C: Array, *, change: float = 0.0, dtype: DTypeLike | None = None
 ) -> LocalInverse | None:
-    """Return FSAI on some elements, or None where it is refused, or not worth its set-up.
+    """Return FSAI on some elements, or None if it is refused or not worth its set-up.
 
-    The matrix A is of the grid. A share of the elements has just changed. By default FSAI is kept,
-    and applied, in the precision of A.
+    A is the matrix on the grid. A share `change` of the elements is new. By default FSAI has the
+    precision of A.
     """
     if not is_fsai_worthwhile(_count(grid, A), partial(grid.fragmentation, C), change):
         return None
@@ -56,8 +56,8 @@ def invert_locally(
 def invert_on(grid: Grid, A: Any, C: Array) -> Any:
     """Return an approximate inverse of the rows and columns of A for some elements.
 
-    It is in single precision, unless A is too ill-conditioned for it, its numbers are out of range,
-    or the elements so few that it saves nothing.
+    It is in single precision, unless A is too ill-conditioned, its numbers are out of range, or
+    there are too few elements to save time.
     """
     dtype = precision_for(grid.diagonal(A)) if grid.vectors.count(C) > FEW else np.float64
     everywhere = extend_to_components(grid, A, C)
@@ -68,7 +68,7 @@ def invert_on(grid: Grid, A: Any, C: Array) -> Any:
 
 
 def invert_steady(grid: Grid, K: Any, C: Array, dtype: DTypeLike) -> Any:
-    """Return approximate inverses of the matrix of steady rolling with additions, on a contact."""
+    """Return approximate inverses of the matrix of steady rolling plus ν I, on a contact."""
     own: tuple[Any, ...] = ()
     if not grid.is_line and is_fsai_worthwhile(_count(grid, K), partial(grid.fragmentation, C)):
         with suppress(np.linalg.LinAlgError):
@@ -77,8 +77,8 @@ def invert_steady(grid: Grid, K: Any, C: Array, dtype: DTypeLike) -> Any:
 
 
 def _invert_by_transform(grid: Grid, A: Any, dtype: DTypeLike) -> Any:
-    """Return an approximate inverse on the whole grid, of this precision where that is enough."""
-    with suppress(np.linalg.LinAlgError):  # The symbol may sink into the rounding.
+    """Return an approximate inverse on the whole grid, in this precision if sufficient."""
+    with suppress(np.linalg.LinAlgError):  # The symbol may be lost in rounding errors.
         return grid.invert_by_transform(A, dtype)
     return grid.invert_by_transform(A)
 
@@ -90,29 +90,29 @@ def extend_to_components(grid: Grid, A: Any, C: Array) -> Array:
 
 
 def _count(grid: Grid, A: Any) -> int:
-    """Return the unknowns of a matrix on the whole grid."""
+    """Return the number of unknowns of a matrix on the whole grid."""
     return prod(A.grid_shape[: len(A.grid_shape) - len(grid.shape)]) * prod(grid.shape)
 
 
 class Inverse:
-    """An approximate inverse for sets that change.
+    """An approximate inverse for sets of elements that change.
 
     Parameters
     ----------
     grid : Grid
     A : ToeplitzOperator
-        A matrix of the grid, whose diagonal is 1.
+        A matrix on the grid with unit diagonal.
     everywhere : LinearOperator, optional
-        An inverse of it on the whole grid, where that is known: A is itself an inverse, of a matrix
-        of contact, and sets are of few elements (see `normal.starts`).
+        Its inverse on the whole grid, if known: then A is the inverse of a contact matrix, and sets
+        have few elements (see `normal.starts`).
 
     Attributes
     ----------
     dtype : dtype
-        Single precision, unless A is too ill-conditioned for that, as it is of very long elements.
+        Single precision, unless A is too ill-conditioned for it, as for very long elements.
     is_slow : bool
-        Whether iterations on sets of a line have taken as long as a set-up of FSAI. Where they have
-        on a coarser grid, they will here.
+        Whether the iterations on sets of a line took as long as a set-up of FSAI. If they did on a
+        coarser grid, they will on this one.
     """
 
     def __init__(self, grid: Grid, A: ToeplitzOperator, everywhere: Any = None) -> None:
@@ -124,9 +124,10 @@ class Inverse:
         self.dtype = self._everywhere.dtype
 
     def fit(self, C: Array, *, is_near: bool = False) -> None:
-        """Choose for a set: FSAI of one that is alike is kept, and else it is set up anew.
+        """Choose the inverse for a set: keep FSAI of a similar set, or set it up anew.
 
-        Where the set is near that to be found it is worth that at once, else when it changes less.
+        If the set is close to the final one (`is_near`), the set-up pays off at once, otherwise
+        when the set changes less.
         """
         if self._decays:  # From the second set on, as the first is far from the last.
             is_first, self._before = self._before is None, C
@@ -142,7 +143,7 @@ class Inverse:
                 self._local = self._set_up(C)
             return
         if any(self._grid.periodic):
-            return  # There A itself has an inverse, that of its waves, as cheap as a product.
+            return  # A has an exact inverse there, by Fourier transform, as cheap as a product.
         before, self._before = self._before, C
         if self._local is not None and is_fsai_kept(self._measure_change(C, self._local.C)):
             return
@@ -152,7 +153,7 @@ class Inverse:
         self._local = invert_locally(self._grid, self._A, C, change=change, dtype=self.dtype)
 
     def _set_up(self, C: Array) -> LocalInverse | None:
-        """Return FSAI on a set, or None where it is refused."""
+        """Return FSAI on a set, or None if it is refused."""
         with suppress(np.linalg.LinAlgError):
             return LocalInverse(self._grid.invert_by_fsai(self._A, C, self.dtype), C)
         return None
@@ -160,7 +161,7 @@ class Inverse:
     def __call__(self, r: Array, out: Array | None = None) -> Array:
         """Apply it to a field that is zero outside of the set; the result is not.
 
-        It may be in `out`.
+        The result may be in `out`.
         """
         self._applied += 1
         self.is_slow |= self._applied > PATIENCE
@@ -171,5 +172,5 @@ class Inverse:
         return reshape(apply_to_rows(self._everywhere, reshape(r, (-1,)), memory), r.shape)
 
     def _measure_change(self, C: Array, before: Array) -> float:
-        """Return the elements that differ, as a share of those of the set."""
+        """Return the number of changed elements as a share of the set."""
         return self._grid.vectors.count(C ^ before) / self._grid.vectors.count(C)

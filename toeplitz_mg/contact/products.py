@@ -16,23 +16,23 @@ from toeplitz_mg.engine.work import ProductCount
 from toeplitz_mg.operators import apply_to_rows
 from toeplitz_mg.operators.base import vectors_of
 
-LOST = 1e-6  # Error of a product in single precision, over the largest of its result.
-SMALL = 0.1  # Part of what may be lost that one product may lose, as several follow.
+LOST = 1e-6  # Error of a product in single precision, relative to its largest value.
+SMALL = 0.1  # Share of the allowed error that one product may cause, as several follow.
 
-# Matrices of small grids are kept for the next problem, and those in single precision with them.
+# Matrices of small grids are kept for the next problem, and so are their single precision copies.
 _singles: WeakKeyDictionary[LinearOperator, LinearOperator] = WeakKeyDictionary()
 
 
 class Products:
     """Products of an operator with fields of any shape, in the precision of the field.
 
-    `toeplitz_mg.count_products` measures all work, that of preconditioners and of coarser grids
-    too; here only the products with one matrix count, which `max_products` limits.
+    `toeplitz_mg.count_products` measures all work, including preconditioners and coarser grids.
+    This class counts only the products with one matrix, which `max_products` limits.
 
     Parameters
     ----------
     A : LinearOperator
-        A matrix of as many unknowns as a field has numbers.
+        A matrix with as many unknowns as a field has numbers.
     limit : int
         The number of products after which it is `exhausted`.
 
@@ -45,7 +45,7 @@ class Products:
     progress : callable or None
         Called as ``progress(count, residual)`` after each product.
     residual : float
-        What is left, where it was last looked at: infinite before, when there is nothing to tell.
+        The last known violation; infinite while it is unknown.
     """
 
     def __init__(self, A: LinearOperator, limit: int) -> None:
@@ -59,12 +59,12 @@ class Products:
     @cached_property
     def _single(self) -> LinearOperator:
         if self.A.dtype == np.float32:
-            return self.A  # No value is to refer to its own key.
+            return self.A  # A cached value must not refer to its own key.
         single = _singles.get(self.A)
         return _singles.setdefault(self.A, self.A.astype(np.float32)) if single is None else single
 
     def units(self, work: ProductCount) -> float:
-        """Return the work of all ranks in such products, where each has counted its own."""
+        """Return the work of all ranks in units of such products; each rank counts its own."""
         gather = self.vectors.gather
         return float(sum(gather(work.points)) / sum(gather(self.A.shape[0])))
 
@@ -74,44 +74,44 @@ class Products:
         return self.count >= self.limit
 
     def tell_more(self, products: int, _: float) -> None:
-        """Tell of products that are made for this one, with another matrix."""
+        """Report products that were made with another matrix on behalf of this one."""
         if self.progress is not None:
             self.progress(self.count + products, self.residual)
 
     def __call__(self, x: Array, out: Array | None = None) -> Array:
-        """Multiply a field; the result is `out`, if that is given, or a new array."""
+        """Multiply a field; the result is in `out`, if given, or in a new array."""
         self.count += 1
         reshape = self.vectors.reshape
         A = self._single if x.dtype == self.vectors.xp.float32 else self.A
         memory = None if out is None else reshape(out, (-1,))
         product = reshape(apply_to_rows(A, reshape(x, (-1,)), memory), x.shape)
         if self.progress is not None and self.residual < inf:
-            with ranks_of(self.A).agree():  # Where it raises in one process, all raise an error.
+            with ranks_of(self.A).agree():  # If one process raises an error, all do.
                 self.progress(self.count, self.residual)
         return product
 
 
 class Displacements:
-    """The displacements of tractions that change step by step, less and less.
+    """The displacements of tractions that change in smaller and smaller steps.
 
-    A change is multiplied in single precision, in half the time. What rounding takes adds up: a
-    product with all of the tractions clears it, in double precision, as soon as changes are so
-    small that from there on nothing is lost which matters.
+    Changes are multiplied in single precision, in half the time. Their rounding errors add up; a
+    product with all tractions in double precision clears them, as soon as the changes are so small
+    that later rounding errors are negligible.
 
     Parameters
     ----------
     K : Products
     q : ndarray
-        The tractions to begin with.
+        The initial tractions.
     dtype : float32 or float64
-        The precision of a product with a change: where it is double, each is with all tractions.
+        The precision of products with changes; if double, each product is with all tractions.
 
     Attributes
     ----------
     u : ndarray
         The displacements.
     lost : float
-        What they may be off by.
+        Their estimated error.
     """
 
     def __init__(self, K: Products, q: Array, dtype: DTypeLike) -> None:
@@ -120,16 +120,16 @@ class Displacements:
         self.lost = 0.0
 
     def renew(self) -> None:
-        """Compute the displacements from all of the tractions."""
+        """Compute the displacements from all tractions."""
         self.u, self.lost = self._K(self._q), 0.0
 
     def follow(
         self, q: Array, change: float, allowed: float, by: tuple[Array, Array] | None = None
     ) -> None:
-        """Go on to other tractions, of which the displacements change by about so much.
+        """Update the displacements for other tractions; `change` estimates how much they change.
 
-        In the end they may be off by what is allowed. Of a part of the change of the tractions the
-        displacements may be known: these two are `by`.
+        `allowed` is their allowed error in the end. For a part of the change of the tractions, the
+        displacements may be known: `by` is this pair.
         """
         before, self._q = self._q, q
         if by is not None:
@@ -150,33 +150,33 @@ class Displacements:
 
 
 def for_coarser_grids(progress: Progress | None) -> Progress | None:
-    """Return what is called on coarser grids, whose products do not count: with none of them."""
+    """Return the callback for coarser grids, which reports 0 products."""
     return progress and (lambda _, residual: progress(0, residual))
 
 
 @dataclass
 class Report:
-    """What is told of the products of one solution after the other."""
+    """Progress reports over a sequence of solutions."""
 
     progress: Progress | None  # Called as ``progress(products, residual)`` after each product.
-    products: int = 0  # Those of the solutions before.
-    # The violation after the last iteration: infinite before, when a solution tells its own.
+    products: int = 0  # Products of the previous solutions.
+    # The violation after the last iteration; infinite before, when each solution reports its own.
     residual: float = inf
-    # Whether a solution has taken all products that it may: then it is none, nor are others.
+    # Whether a solution has used up its products, so that it has failed, and others would too.
     exhausted: bool = False
 
     def __call__(self, products: int, residual: float) -> None:
-        """Tell of products of the solution that is under way."""
+        """Report the products of the current solution."""
         if self.progress is not None:
             known = self.residual < inf
             self.progress(self.products + products, self.residual if known else residual)
 
     def add(self, products: int, most: int) -> None:
-        """Add the products of a solution that is at its end, of which so many were allowed."""
+        """Add the products of a finished solution, with the limit of products it had."""
         self.products += products
         self.exhausted = self.exhausted or products >= most
 
     def look(self, residual: float) -> None:
-        """Tell of the violation after an iteration."""
+        """Store the violation after an iteration."""
         self.residual = residual
         self(0, residual)

@@ -1,7 +1,7 @@
-"""Wheel and rail: measured profiles, and the gap between them where they touch.
+"""Wheel and rail: measured profiles, and the gap between them at their contact.
 
-Profiles are points (y, z) in the plane across the track, mm: y towards the field side, so that the
-flange of a wheel is at negative y, and z upwards.
+Profiles are points (y, z) in the plane across the track, mm. y points towards the field side, so
+the flange of a wheel is at negative y; z points upwards.
 """
 
 import re
@@ -20,30 +20,29 @@ from toeplitz_mg.halfspace import Material
 from toeplitz_mg.tables import decode
 from toeplitz_mg.values import count, field, finite, positive, real, refuse_masked
 
-MOST_YAW = 0.1  # Largest yaw, radians: that of wheels in the tightest curves is a third of it.
-SAMPLES = 4000  # Places across the track at which the profiles are compared first.
+MOST_YAW = 0.1  # Largest yaw, radians: three times that of wheels in the tightest curves.
+SAMPLES = 4000  # Number of positions across the track at which profiles are first compared.
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
 class WheelRail(NamedTuple):
-    """A wheel on a rail in the frame of the contact: x along the rail, y across, in its plane.
+    """A wheel on a rail in the frame of the contact: x along the rail, y across in its plane.
 
     Attributes
     ----------
     gap : ndarray of shape (n1, n2)
-        Between wheel and rail before they are pressed, mm; zero in the middle, where they first
-        touch, and infinite where a profile ends.
+        Gap before loading, mm; zero in the middle, where the bodies first touch, and infinite
+        beyond the ends of a profile.
     angle : float
-        The angle of the plane of contact, radians: positive where the rail falls towards the
-        flange.
+        Angle of the contact plane, radians; positive if the rail falls towards the flange.
     point : (float, float)
-        Where they touch, y and z in the frame of the rail, mm.
+        Contact point (y, z) in the frame of the rail, mm.
     radius : float
-        The rolling radius of the wheel there, mm.
+        Rolling radius of the wheel at this point, mm.
 
     See Also
     --------
-    wheel_rail : makes it.
+    wheel_rail : returns it.
     """
 
     gap: Array
@@ -69,55 +68,55 @@ def wheel_rail(
     Parameters
     ----------
     shape, element
-        The grid, as in `centres`, of two axes: along the rail, and across it.
+        The grid, as in `centres`, with two axes: along the rail, and across it.
     wheel, rail : path, or array_like of shape (k, 2)
-        The profiles: files of MiniProf (``.whl``, ``.ban``) or SIMPACK (``.prw``, ``.prr``), tables
-        of two columns; or points (y, z), mm, with z upwards and y towards the field side. The
-        signs of z, and of y of a wheel, are chosen so that the flange is at negative y and points
-        down, and the rail rounds off downwards. The y of a rail is that of its file.
+        Profiles: files of MiniProf (``.whl``, ``.ban``) or SIMPACK (``.prw``, ``.prr``), tables
+        with two columns, or points (y, z), mm, with z upwards and y towards the field side. The
+        signs of z, and of y for a wheel, are chosen so that the flange is at negative y and points
+        down, and the rail falls off at its sides. For a rail, y is that of the file.
     radius : float
-        The rolling radius of the wheel where y = 0 on its profile, the tape circle, mm.
+        Rolling radius of the wheel at y = 0 of its profile (the tape circle), mm.
     lateral : float
-        The displacement of the wheel towards the field side, mm.
+        Displacement of the wheel towards the field side, mm.
     roll : float
-        The angle of the wheel about x, less the cant of the rail, radians: positive where its field
-        side rises.
+        Angle of the wheel about x minus the cant of the rail, radians; positive if its field side
+        rises.
     yaw : float
-        The angle of attack, radians, at most 0.1: positive where the wheel is turned from x towards
-        the field side.
+        Angle of attack, radians, at most 0.1; positive if the wheel is turned from x towards the
+        field side.
     smoothing : float
-        The weight λ of the curvature in the splines through the points, mm³: they minimise the
-        squares of the distances plus λ ∫f″². Measured points need some, as curvatures decide on
-        the contact.
+        Weight λ of the curvature in the smoothing splines through the points, mm³: they minimise
+        the sum of squared distances plus λ ∫f″². Measured points need smoothing, since the contact
+        depends on curvatures.
 
     Returns
     -------
     WheelRail
-        The gap, the angle of the contact, where it is, and the rolling radius.
+        The gap, the angle and position of the contact, and the rolling radius.
 
     Raises
     ------
     OSError
-        Where there is no such file.
+        If there is no such file.
     ValueError, TypeError
-        For profiles that are none, or do not meet, and for a grid that is none of `centres`.
+        If profiles are invalid or do not meet, or the grid is invalid.
 
     See Also
     --------
-    ellipsoid : of two bodies, by their radii of curvature.
+    ellipsoid : the gap for given radii of curvature.
     toeplitz_mg.contact.rolling : rolls the wheel.
 
     Notes
     -----
     The wheel is a body of revolution; the rail is straight. They first touch where the distance of
-    the profiles is least. A yaw ψ is taken to first order: the gap twists about its middle, which
-    is then ψ r sin(angle)/cos(angle - roll) ahead of the axle. What is left out moves the wheel by
-    about ½ ψ² r tan²(angle): for 460 mm and 0.04 by 4 µm on a tread of 1:10, on a flange of 60° by
-    1 mm.
+    the profiles is smallest. A yaw ψ is taken to first order: the gap is twisted about its middle,
+    which then lies ψ r sin(angle)/cos(angle - roll) ahead of the axle. The neglected terms move the
+    wheel by about ½ ψ² r tan²(angle): for 460 mm and 0.04 by 4 µm on a tread of 1:10, by 1 mm on a
+    flange of 60°.
 
     Examples
     --------
-    A tread with a cone of 1:40 on a head with a radius of 300 mm touches 7.5 mm from the middle.
+    A tread with a cone of 1:40 on a head of radius 300 mm touches 7.5 mm from the middle.
 
     >>> import numpy as np
     >>> from toeplitz_mg.contact import surfaces
@@ -154,7 +153,7 @@ def wheel_rail(
     f, g = _curve("wheel", low, weight), _curve("rail", top, weight)
     y = _touch(f, g)
     z, angle = float(f.z(y)), float(np.arctan(g.z(y, 1)))
-    # In the frame of the contact both profiles go through zero, level.
+    # In the frame of the contact both profiles are level and zero at the contact point.
     level, across, local, slopes = _turn(-angle), grid.centres()[1], [], []
     point = y, float(g.z(y))
     for name, points, at in (("wheel", low, z), ("rail", top, point[1])):
@@ -162,7 +161,7 @@ def wheel_rail(
         inside = (across >= curve.low) & (across <= curve.high)
         local.append(np.where(inside, curve.z(across), np.nan))
         slopes.append(curve.z(across, 1))
-    # The rolling radius is less where the wheel's own profile is higher.
+    # The rolling radius is smaller where the wheel's profile is higher.
     places = np.stack([np.append(across, 0.0), np.append(local[0], 0.0)], axis=1) @ level.T
     own_places = (np.array([y - moved, z]) + places) @ turned.T
     r = R + tape - own_places[:, 1]
@@ -181,13 +180,13 @@ def wheel_rail(
 
 
 def _turn(angle: float) -> Array:
-    """Return the matrix from whose left points, as rows, are turned by an angle."""
+    """Return the matrix that rotates points (as rows, on its left) by an angle."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])
 
 
 class _Curve(NamedTuple):
-    """A profile as z over y, from a lowest y to a highest."""
+    """A profile as z over y, from the lowest y to the highest."""
 
     low: float
     high: float
@@ -195,8 +194,8 @@ class _Curve(NamedTuple):
 
 
 def _curve(name: str, points: Array, weight: float) -> _Curve:
-    """Return the spline through the longest part of a profile along which y increases."""
-    from scipy.interpolate import CubicSpline, make_smoothing_spline  # They are slow to import.
+    """Return the spline through the longest part of a profile in which y increases."""
+    from scipy.interpolate import CubicSpline, make_smoothing_spline  # Slow to import.
 
     turns = np.flatnonzero(np.diff(np.sign(np.diff(points[:, 0])))) + 1
     ends = [0, *turns.tolist(), len(points) - 1]
@@ -213,8 +212,8 @@ def _curve(name: str, points: Array, weight: float) -> _Curve:
 
 
 def _touch(f: _Curve, g: _Curve) -> float:
-    """Return where across the track two profiles are nearest to each other."""
-    from scipy.optimize import minimize_scalar  # It is slow to import.
+    """Return the position across the track at which two profiles are closest."""
+    from scipy.optimize import minimize_scalar  # Slow to import.
 
     low, high = max(f.low, g.low), min(f.high, g.high)
     if not low < high:
@@ -243,7 +242,7 @@ def _read(name: str, profile: Any) -> Array:
         return points
     points = read_points(Path(profile))
     z = points[:, 1] - np.median(points[:, 1])
-    if z.max() > -z.min():  # Heads and flanges point down: as written z did.
+    if z.max() > -z.min():  # Heads and flanges point down, so the given z pointed down.
         points = points * (1.0, -1.0)
     low = points[:, 1] < np.median(points[:, 1]) - 0.5 * np.ptp(points[:, 1])
     if name == "wheel" and low.any() and points[low, 0].mean() > np.median(points[:, 0]):
@@ -252,7 +251,7 @@ def _read(name: str, profile: Any) -> Array:
 
 
 def read_points(path: Path) -> Array:
-    """Return the points of a profile in a file of SIMPACK or MiniProf, or of two columns, mm."""
+    """Return the points of a profile in a file of SIMPACK or MiniProf, or with two columns, mm."""
     try:
         text, scale, at = decode(path.read_bytes()), 1.0, (0, 1)
     except UnicodeDecodeError:

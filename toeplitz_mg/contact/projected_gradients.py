@@ -1,4 +1,4 @@
-"""Projected gradients: slow, but they always descend. They help where sets of elements cycle."""
+"""Projected gradients, which always decrease the energy: slow, but useful if sets cycle."""
 
 from collections.abc import Callable
 from math import sqrt
@@ -16,12 +16,11 @@ def descend(
     products: int,
     vectors: Vectors = VECTORS,
 ) -> tuple[Array, Array]:
-    """Lower the energy ½ x·Ax - b·x within a convex set, by Nesterov's method.
+    """Decrease the energy ½ x·Ax - b·x within a convex set, by Nesterov's method.
 
-    It starts from a point x of the set, makes so many products, and one before them, and returns
-    the iterate of the lowest energy, and its product. `project` returns the point of the set that
-    is nearest to any field, and `norm_bound` is at least the largest eigenvalue of A, which is
-    positive definite.
+    It starts from a point x of the set, makes one product and `products` more, and returns the
+    iterate with the lowest energy, and its product. `project` returns the nearest point of the set.
+    `norm_bound` is at least the largest eigenvalue of A, which is positive definite.
 
     References
     ----------
@@ -43,7 +42,7 @@ def descend(
     for _ in range(products):
         new = project(y + (b - Ay) / norm_bound)
         new_u = A(new)
-        if vectors.dot(y - new, new - x) > 0.0:  # It went uphill: forget the momentum.
+        if vectors.dot(y - new, new - x) > 0.0:  # It went uphill: reset the momentum.
             t = 1.0
         following = (1.0 + sqrt(1.0 + 4.0 * t * t)) / 2.0
         momentum = (t - 1.0) / following

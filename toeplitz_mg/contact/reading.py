@@ -1,4 +1,4 @@
-"""Heights from files: tables of numbers, and what SurfaceTopography reads of instruments."""
+"""Heights from files: tables of numbers, and instrument formats by SurfaceTopography."""
 
 import io
 import re
@@ -21,11 +21,11 @@ from toeplitz_mg.tables import TEXT, UTF_16, decode, load_table, open_file
 from toeplitz_mg.values import numbers, positive
 
 TABLES = (".npy", *TEXT)  # Endings of files that are read without the extra `surfaces`.
-SIZE = re.compile(r"#.*[:=]\s*[-+.\d]")  # A comment that may say one, as "# Width: 1 mm".
-# What a comment says of units: a name as in "in um", "unit: nm" or "[mm]", beside what it is of.
+SIZE = re.compile(r"#.*[:=]\s*[-+.\d]")  # A comment that may give a size, as "# Width: 1 mm".
+# The unit in a comment, as in "in um", "unit: nm" or "[mm]", and the quantity beside it.
 UNIT = re.compile(rf"(?:\bin\s+|\bunits?\W+|[\[(]\s*)({'|'.join(map(re.escape, UNITS))})(?!\w)")
 OF_HEIGHTS = re.compile(r"\b(heights?|z|units?)\b", re.IGNORECASE)
-FEWEST = 4  # Fewest columns of a table of heights: of two or three, the first are positions.
+FEWEST = 4  # Tables with fewer columns are not heights: the first columns are positions.
 LEVELS = ("mean", "plane", "quadratic")  # Polynomials of degree 0, 1 and 2.
 
 
@@ -37,44 +37,44 @@ def read(
     element: Element | None = None,
     unit: Unit | None = None,
 ) -> Heights:
-    """Read the heights of a surface, or of a profile, from a file.
+    """Read the heights of a surface or a profile from a file.
 
     Parameters
     ----------
     path : str or path
-        Of a table of heights, ``.npy`` or text, whose rows follow each other along x; or of any
-        file that SurfaceTopography reads (``pip install 'toeplitz-mg[surfaces]'``), whatever its
-        ending: those of instruments, positions beside heights, containers. It may be compressed
-        (``.gz``).
+        A table of heights, ``.npy`` or text, with rows in the order of x; or any file that
+        SurfaceTopography reads (``pip install 'toeplitz-mg[surfaces]'``), whatever its ending:
+        instrument formats, positions with heights, containers. It may be compressed (``.gz``).
     channel : int or str, optional
-        Which of several in the file, by its number, from 0, or its name; by default the one that
-        SurfaceTopography takes.
+        Number (from 0) or name of the channel, if the file has several; by default the one that
+        SurfaceTopography chooses.
     level : {"mean", "plane", "quadratic"}, optional
-        What is subtracted: the polynomial of degree 0, 1 or 2 that is nearest to the heights that
-        are there.
+        The polynomial to subtract, of degree 0, 1 or 2: the least squares fit to the heights that
+        are not missing.
     element : float or (float, float), optional
-        The size of a pixel, where the file does not say it. Of a profile at positions that are not
-        evenly spaced it is the distance at which it is interpolated, linearly.
+        Size of a pixel, if the file does not contain it. For a profile at unevenly spaced
+        positions, the spacing to which it is interpolated linearly.
     unit : str or (str, str), optional
-        The unit of heights and pixels, or one of each, as ("nm", "um"), where the file does not say
-        it; of tables by default mm, or of heights what a comment says, as "# heights in um".
+        Unit of heights and pixels, or one each, as ("nm", "um"), if the file does not contain it.
+        For tables the default is mm, or for heights the unit in a comment such as "# heights in
+        um".
 
     Returns
     -------
     Heights
-        In mm, NaN where they are missing: the argument ``heights=`` of `normal_contact`.
+        The heights in mm, NaN where missing, for ``heights=`` of `normal_contact`.
 
     Warns
     -----
     ContactWarning
-        Where a comment names units, and it is not clear of what.
+        If a comment names units, but it is unclear for what.
 
     Raises
     ------
     OSError
-        Where there is no such file.
+        If there is no such file.
     ValueError, TypeError
-        Where it cannot be read, and where an argument is missing, or contradicts the file.
+        If it cannot be read, or an argument is missing or contradicts the file.
 
     See Also
     --------
@@ -109,12 +109,12 @@ def read(
     if heights is None:
         found = _ask_library(path, channel, refused)
         if found is not None and found.sizes is None and ending.lower() not in TEXT:
-            with suppress(ValueError):  # A table by another name, whose rows lie along x.
+            with suppress(ValueError):  # A table with another ending, with rows in the order of x.
                 heights = _read_heights(path, is_text=True)
         if heights is not None:
             pass
         elif found is None or (found.sizes is None and ending.lower() in TEXT):
-            # Rows of such a text would be taken along y.
+            # The rows of such a text would be read in the order of y.
             if refused is not None or ending.lower() not in TEXT:
                 raise refused or ValueError(
                     f"{path} cannot be read: SurfaceTopography knows no such format"
@@ -141,7 +141,7 @@ def read(
 
 
 def _says_sizes(path: Path) -> bool:
-    """Whether a text has comments that may say sizes."""
+    """Whether a text has comments that may contain sizes."""
     with open_file(path) as file:
         try:
             return any(SIZE.match(line) for line in decode(file.read()).splitlines())
@@ -150,7 +150,7 @@ def _says_sizes(path: Path) -> bool:
 
 
 def _find_unit(path: Path) -> tuple[str | None, tuple[str, ...]]:
-    """Return the unit of heights that comments of a table say, or the doubt that they may."""
+    """Return the unit of heights in the comments of a table, or a warning if it is unclear."""
     with open_file(path) as file:
         lines = [line for line in decode(file.read()).splitlines() if line.lstrip().startswith("#")]
     said = {unit: line for line in lines for unit in UNIT.findall(line)}
@@ -163,7 +163,7 @@ def _find_unit(path: Path) -> tuple[str | None, tuple[str, ...]]:
 
 
 def _read_heights(path: Path, is_text: bool | None = None) -> Array:
-    """Read a table of heights, of a surface or along a profile, or say why these are none."""
+    """Read a table of heights of a surface or along a profile, or raise an error."""
     heights = load_table(path, is_text)
     if heights.ndim not in (1, 2):
         raise ValueError(
@@ -178,7 +178,7 @@ def _read_heights(path: Path, is_text: bool | None = None) -> Array:
 
 
 class _Found(NamedTuple):
-    """What SurfaceTopography has found in a file; sizes and unit are None where it has none."""
+    """What SurfaceTopography finds in a file; sizes and unit are None if it has none."""
 
     read: Callable[..., Any]
     pixels: tuple[int, ...]
@@ -188,10 +188,10 @@ class _Found(NamedTuple):
 
 
 def _ask_library(path: Path, channel: int | str | None, refused: Exception | None) -> _Found | None:
-    """Return what SurfaceTopography finds in a file, None where it knows no such format."""
-    path.open("rb").close()  # So that a file that is not there is an error as of any other.
+    """Return what SurfaceTopography finds in a file, or None for an unknown format."""
+    path.open("rb").close()  # So that a missing file raises the same error as for other formats.
     try:
-        # It is an extra, and slow to import.
+        # Optional, and slow to import.
         from SurfaceTopography import open_topography
         from SurfaceTopography.Container.IO import read_container
         from SurfaceTopography.Exceptions import CannotDetectFileFormat
@@ -207,7 +207,7 @@ def _ask_library(path: Path, channel: int | str | None, refused: Exception | Non
         try:
             reader = open_topography(source)
             if reader.format() == "hgt" and ".hgt" not in path.name.lower():
-                return None  # It takes any file of 2 n² bytes, an empty one too.
+                return None  # This format accepts any file of 2 n² bytes, even an empty one.
             names = [str(info.name) for info in reader.channels]
             chosen = reader.default_channel
             if channel is not None:
@@ -228,7 +228,7 @@ def _ask_library(path: Path, channel: int | str | None, refused: Exception | Non
         return None
     except OSError:
         raise
-    except Exception as error:  # Each of its formats raises errors of its own.
+    except Exception as error:  # Each format raises its own errors.
         raise ValueError(f"{path} cannot be read: {error}") from error
 
 
@@ -237,7 +237,7 @@ def _facts(x: Any) -> tuple[Any, ...]:
 
 
 def _choose(channel: int | str, names: list[str]) -> int:
-    """Return the number of a channel that is chosen by that or by its name."""
+    """Return the number of a channel given by its number or its name."""
     if isinstance(channel, str) and channel in names:
         return names.index(channel)
     try:
@@ -250,7 +250,7 @@ def _choose(channel: int | str, names: list[str]) -> int:
 
 
 def _sample(path: Path, found: _Found, element: Any) -> tuple[Array, Any]:
-    """Return the heights that SurfaceTopography reads, NaN where there are none, and the pixel."""
+    """Return the heights from SurfaceTopography, NaN where missing, and the pixel size."""
     sizes: dict[str, Any] = {}
     if found.sizes is None:
         if element is None:
@@ -284,7 +284,7 @@ def _sample(path: Path, found: _Found, element: Any) -> tuple[Array, Any]:
 
 
 def subtract(heights: Array, degree: int) -> Array:
-    """Return heights without the polynomial of a degree that is nearest to those that are there."""
+    """Return heights minus the polynomial of this degree that fits the existing heights best."""
     axes = [np.linspace(-1.0, 1.0, n) for n in heights.shape]
     grid = np.meshgrid(*axes, indexing="ij", sparse=True)
     there = np.isfinite(heights)

@@ -1,4 +1,4 @@
-"""A rectangle around the elements in contact: tangential problems need no others."""
+"""A rectangle around the elements in contact, to which tangential problems are restricted."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -8,17 +8,17 @@ import numpy as np
 
 from toeplitz_mg._typing import Array, Mask
 
-# Margin on each side over the length inside: it helps the cosines to approximate. In steady rolling
-# nothing is approximated by cosines.
+# Margin on each side relative to the length inside, which improves the cosine preconditioner.
+# Steady rolling does not use it.
 MARGIN = 0.1
 
 Box = tuple[slice, ...]  # The elements along each axis.
 
 
 def ends_of(elements: Mask, axis: int) -> tuple[int, int]:
-    """Return where those elements begin along an axis for which a mask is true, and end.
+    """Return the first and the last (exclusive) index at which a mask is true, along an axis.
 
-    Where none is, this is behind the last element, and before the first one.
+    If it is true nowhere, the first is behind the last element, and the last is 0.
     """
     others = tuple(k for k in range(elements.ndim) if k != axis)
     (index,) = np.nonzero(elements.any(axis=others))
@@ -26,10 +26,10 @@ def ends_of(elements: Mask, axis: int) -> tuple[int, int]:
 
 
 def box_around(grid: Any, ends: Iterable[tuple[int, int]], margin: float) -> Box:
-    """Return the elements between some ends along each axis, and a margin; all where none are."""
+    """Return the slices between the ends along each axis, plus a margin; everything if empty."""
     box = []
     for (first, end), n, repeats in zip(ends, grid.shape, grid.periodic, strict=True):
-        if repeats or first >= end:  # The elements at the ends are neighbours, or there are none.
+        if repeats or first >= end:  # The end elements are neighbours, or there are none inside.
             first, end = 0, n
         more = int(margin * (end - first))
         box.append(slice(max(0, first - more), min(n, end + more)))
@@ -49,12 +49,12 @@ class Window:
         return replace(self.whole, shape=tuple(part.stop - part.start for part in self.box))
 
     def cut(self, x: Array) -> Array:
-        """Return the part of a field, of any components, that is inside."""
+        """Return the part of a field, with any components, that is inside."""
         part: tuple[Any, ...] = (..., *self.box)
         return np.ascontiguousarray(x[part])
 
     def same(self, found: Any) -> Any:
-        """Return what was found inside: on several ranks what it is on all of them."""
+        """Return a value that is the same on all ranks: here unchanged."""
         return found
 
     def extend(self, x: Array) -> Array:
