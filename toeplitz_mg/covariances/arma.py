@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from decimal import Context, Decimal, localcontext
-from math import log
+from math import cos, fsum, log, pi, sin
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,8 @@ from toeplitz_mg.covariances.base import Derivatives, Kernel, Lags
 from toeplitz_mg.covariances.long_memory import fractional_difference
 
 DIGITS = 60  # Of the first covariances: beside a unit root the equations for them lose many.
-TAIL = 1e-18  # Covariances of ARMA below this part of their variance are not convolved.
-CLOSEST = 1.0 - 1e-5  # Largest root of zᵖ - φ₁ zᵖ⁻¹ - …: one beyond makes a convolution too long.
+# Of the trapezoidal rule in log s: its ends, where the integrand is below rounding, and its step.
+SHORTEST, LONGEST, STEP = 1e-30, 45.0, 0.125
 
 
 class LinearProcess(Kernel):
@@ -71,8 +71,7 @@ class ARMA(LinearProcess):
 class ARFIMA(LinearProcess):
     """A fractionally integrated moving average, φ(B) (1 - B)ᵈ y = θ(B) e: long memory for d > 0.
 
-    It is a process on one axis, in steps: `spacing` does not change it. With coefficients it takes
-    long where a root of φ is beside the unit circle.
+    It is a process on one axis, in steps: `spacing` does not change it.
 
     Parameters
     ----------
@@ -103,31 +102,8 @@ class ARFIMA(LinearProcess):
         super().__init__(sigma2=sigma2, d=d, ar=ar, ma=ma)
 
     def _derive(self, lags: Lags, wanted: frozenset[str]) -> tuple[Array, Derivatives]:
-        from scipy.signal import oaconvolve
-
         n, (d,) = lags.steps("ARFIMA"), self._values("d")
-        ar, ma = self._values("ar"), self._values("ma")
-        radius = max([1e-9, *abs(np.roots([1.0, *np.negative(ar)]))])
-        if radius > CLOSEST:
-            raise ValueError(
-                f"ar is {ar}, but must have no root so close to the unit circle: the convolution "
-                "with the covariances of ARMA would have millions of terms"
-            )
-        length = len(ma) + 1 + (int(1.2 * log(TAIL) / log(radius)) if ar else 0)
-        short, by_short = arma(length, ar, ma, wanted)
-        long, by_long = fractional_difference(n + length - 1, d)
-
-        def convolve(f: Array, g: Array) -> Array:
-            """Return Σ_j f_|k-j| g_|j|, k = 0, …, n - 1."""
-            if length == 1:
-                return g[0] * f
-            mirrored = np.concatenate((f[length - 1 : 0 : -1], f))
-            return oaconvolve(mirrored, np.concatenate((g[:0:-1], g)), "valid")
-
-        by = {name: convolve(long, g) for name, g in by_short.items()}
-        if "d" in wanted:
-            by["d"] = convolve(by_long, short)
-        return convolve(long, short), by
+        return arfima(n, d, self._values("ar"), self._values("ma"), wanted)
 
 
 def has_roots_outside(coefficients: Sequence[float]) -> bool:
@@ -147,33 +123,94 @@ def arma(
 ) -> tuple[Array, Derivatives]:
     """Return n covariances of ARMA with innovations of variance 1, and derivatives.
 
-    With the impulse response ψ = θ/φ they are γ_k = Σ φ_j γ_|k-j| + Σ θ_i ψ_(i-k), i ≥ k: p + 1
-    equations for the first ones, and then a recursion. Derivatives are of the same form.
+    With the impulse response ψ = θ/φ they are γ_k = Σ φ_j γ_|k-j| + Σ θ_i ψ_(i-k), i ≥ k.
     """
     p, q = len(ar), len(ma)
     size = max(p, q) + 1
-    many = max(n, size + 1)
-    right = {}  # The sums over i, or what is in their place in the derivatives.
     with localcontext(Context(prec=DIGITS)):
         phi = [Decimal(1), *(-Decimal(c) for c in ar)]
         theta = [Decimal(1), *map(Decimal, ma)]
         psi = divide(theta, phi, q + 1)
         series = psi, divide(psi, phi, q + 1), divide([Decimal(1)], phi, q + 1)
         values, by_phi, by_theta = (correlate(theta, x, 2 * size) for x in series)
+        right = {"": values[:size]}  # The sums over i, and their derivatives.
+        for j in range(1, p + 1):
+            right[f"ar.L{j}"] = by_phi[j : j + size].copy()
+        for j in range(1, q + 1):
+            right[f"ma.L{j}"] = by_theta[j : j + size].copy()
+            right[f"ma.L{j}"][: j + 1] += psi[j::-1]
+    return solve_even(n, ar, {name: right[name] for name in right if name in {"", *wanted}})
+
+
+def arfima(
+    n: int, d: float, ar: Sequence[float], ma: Sequence[float], wanted: frozenset[str]
+) -> tuple[Array, Derivatives]:
+    """Return n covariances of ARFIMA with innovations of variance 1, and derivatives.
+
+    With g = θ(B) θ(B⁻¹) f and the covariances f of fractional differences they are even and
+    solve φ(B) γ = w, φ(B⁻¹) w = g. The recursion for w runs backwards from the lags m, …, m + p,
+    where w is an integral, as f_k = sin(πd)/π ∫ tᵏ⁺ᵈ⁻¹ (1 - t)⁻²ᵈ dt, 0 < t < 1: in it θ(B) θ(B⁻¹)
+    and φ(B⁻¹) are the factors θ(t) θ(1/t) and 1/φ(t). It is summed by the trapezoidal rule in
+    log s, t = exp(-s).
+    """
+    p, q = len(ar), len(ma)
+    m = max(n, p + 1, q + 2)
+    f, by_d = fractional_difference(m + p + q + 1, d)
+    theta = np.append(1.0, ma)
+    taps = {"": np.correlate(theta, theta, "full")}  # Of θ(B) θ(B⁻¹), and derivatives.
+    for j in range(1, q + 1):
+        if (name := f"ma.L{j}") in wanted:
+            shifted = np.correlate(np.eye(q + 1)[j], theta, "full")
+            taps[name] = shifted + shifted[::-1]
+    s = np.exp(np.arange(log(SHORTEST / m), log(LONGEST / (m - q + d)), STEP))
+    weights = STEP * s * np.exp(-(m - q + d) * s) * (-np.expm1(-s)) ** (-2.0 * d)
+    by_weights = weights * (cos(pi * d) - sin(pi * d) / pi * (s + 2.0 * np.log(-np.expm1(-s))))
+    weights *= sin(pi * d) / pi
+    s = np.append(s, 0.0)
+    phi = fsum([1.0, *np.negative(ar)]) - sum(c * np.expm1(-j * s) for j, c in enumerate(ar, 1))
+
+    def run_back(name: str, drive: Array, f: Array = f, weights: Array = weights) -> Array:
+        """Return w_0, …, w_(m+p), or derivatives."""
+        factor = np.polyval(taps.get(name, taps[""])[::-1], np.exp(-s)) / phi
+        if name.startswith("ar"):
+            factor *= np.exp(-int(name.removeprefix("ar.L")) * s) / phi
+        limit = factor[-1] if d > 0.0 else 0.0  # Its integral is known; the rest decays faster.
+        powers = np.exp(-np.arange(p, -1.0, -1.0)[:, np.newaxis] * s[:-1])
+        first = powers @ (weights * (factor[:-1] - limit)) + limit * f[m + p - q : m - q - 1 : -1]
+        return recur(first, np.append(np.zeros(p + 1), drive[::-1]), ar)[::-1]
+
+    def moving(f: Array, taps: Array) -> Array:
+        """Return θ(B) θ(B⁻¹) f, or derivatives, at the lags 0, …, m - 1."""
+        return np.convolve(np.append(f[q:0:-1], f[: m + q]), taps, "valid")
+
+    w = {name: run_back(name, moving(f, taps[name])) for name in taps}
+    if "d" in wanted:
+        w["d"] = run_back("d", moving(by_d, taps[""]), by_d, by_weights)
+    for j in range(1, p + 1):
+        if (name := f"ar.L{j}") in wanted:
+            w[name] = run_back(name, w[""][j : j + m])
+    return solve_even(n, ar, {name: w[name][:m] for name in w})
+
+
+def solve_even(n: int, ar: Sequence[float], right: Derivatives) -> tuple[Array, Derivatives]:
+    """Return γ_k = Σ φ_j γ_|k-j| + right_k, k = 0, …, n - 1, and derivatives.
+
+    p + 1 equations give the first ones, then it is a recursion. Derivatives are of the same form.
+    """
+    p, size = len(ar), len(right[""])
+    many = max(n, size)
+    with localcontext(Context(prec=DIGITS)):
+        phi = [Decimal(1), *(-Decimal(c) for c in ar)]
         equations = np.full((p + 1, p + 1), Decimal(0))
         for k, j in np.ndindex(p + 1, p + 1):
             equations[k, abs(k - j)] += phi[j]
         solution = invert(equations)
-        right[""] = values[:size]
-        start = solution @ right[""][: p + 1]
+        first = {name: np.array([*map(Decimal, x[: p + 1].tolist())]) for name, x in right.items()}
+        start = solution @ first[""]
         for j in range(1, p + 1):
-            right[f"ar.L{j}"] = by_phi[j : j + size].copy()
-            right[f"ar.L{j}"][: p + 1] += start[abs(np.arange(p + 1) - j)]
-        for j in range(1, q + 1):
-            right[f"ma.L{j}"] = by_theta[j : j + size].copy()
-            right[f"ma.L{j}"][: j + 1] += psi[j::-1]
-        right = {name: right[name] for name in right if name in {"", *wanted}}
-        first = {name: solution @ right[name][: p + 1] for name in right}
+            if (name := f"ar.L{j}") in first:
+                first[name] += start[abs(np.arange(p + 1) - j)]
+        first = {name: solution @ first[name] for name in first}
 
     found: Derivatives = {}
     for name, beginning in right.items():
