@@ -253,7 +253,7 @@ def test_a_dense_matrix_is_not_taken_for_two_axes_without_a_word(n, row, dtype):
     if dtype == np.complex128:
         refuses(ValueError, rf"looks like {advised}$", tmg.ToeplitzOperator, dense)
     else:
-        message = rf"has shape \({n}, {n}\) .* {n * n} unknowns.* as in {advised}$"
+        message = rf"has shape \({n}, {n}\) .* {n * n} unknowns.* use {advised}$"
         with pytest.warns(UserWarning, match=message):
             tmg.ToeplitzOperator(dense)
 
@@ -277,7 +277,7 @@ def test_nor_is_one_that_is_computed_entry_by_entry(dtype):
         (np.exp((x[:, None] - x) / dtype(0.3)), "c[:, 0], c[0]"),
     ):
         assert not np.array_equal(c[1:, 1:], c[:-1, :-1])
-        with pytest.warns(UserWarning, match=re.escape(f"as in ToeplitzOperator({advised})")):
+        with pytest.warns(UserWarning, match=re.escape(f"use ToeplitzOperator({advised})")):
             tmg.ToeplitzOperator(c)
 
 
@@ -302,5 +302,5 @@ def test_a_grid_whose_first_diagonal_alone_is_constant_is_no_dense_matrix():
     c = np.array([[2.0, 0.5, 0.3], [0.6, 2.0, 0.1], [0.2, 0.1, 0.7]])
     assert tmg.ToeplitzOperator(c).grid_shape == (3, 3)
     c[2, 2], c[1, 2], c[2, 1] = 2.0, 0.5, 0.6
-    with pytest.warns(UserWarning, match=re.escape("as in ToeplitzOperator(c[:, 0], c[0])")):
+    with pytest.warns(UserWarning, match=re.escape("use ToeplitzOperator(c[:, 0], c[0])")):
         tmg.ToeplitzOperator(c)
