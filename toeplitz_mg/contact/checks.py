@@ -1,4 +1,4 @@
-"""Checks of what the contact problems are given."""
+"""Checks of the arguments of contact problems."""
 
 from math import prod
 from typing import Any
@@ -14,19 +14,19 @@ from toeplitz_mg.contact.results.quantities import require_whole
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
-# Relative distance of a force from the bound at which all slides. Nearer, the last element that
-# sticks is beyond any grid, and its share of the force below the default tolerance.
+# Relative distance of a force from the friction limit at which all elements count as sliding. The
+# last sticking element is then below any grid, and its force below the default tolerance.
 SLIDES = 1e-9
-ALIKE = 1e-9  # Relative difference of the constants of one material, which are computed ones.
-ROUNDING = 1e-14  # Relative excess of a force over what all elements carry that is none.
+ALIKE = 1e-9  # Relative difference of equal material constants, which may have been computed.
+ROUNDING = 1e-14  # Relative excess of a force over the largest one that counts as rounding.
 
 
 def check_load(
     grid: Grid, z: Array, approach: Any, force: Any, pressure: Any = None
 ) -> tuple[float | None, float | None]:
-    """Return the approach and the force that presses, one of them None; check the gap too.
+    """Return the approach and the normal force, one of them None, after checking them and the gap.
 
-    The mean pressure on the grid may be given in the place of the force.
+    The mean pressure on the grid may be given instead of the force.
     """
     if np.isneginf(z).any():
         raise ValueError("gap has the value -inf: where there is no material, it is inf")
@@ -59,9 +59,9 @@ def check_load(
 def measure_from_contact(
     z: Array, approach: float | None, vectors: Vectors
 ) -> tuple[Array, float, float | None]:
-    """Return a gap and an approach from where the bodies first touch, and the distance to there.
+    """Return gap and approach measured from first contact, and the distance to it.
 
-    A large distance would bury the interference in its rounding.
+    A large distance would lose the interference in rounding errors.
     """
     distance = vectors.min(z)
     if distance == np.inf:
@@ -79,10 +79,10 @@ def check_hardness(
     elements: int | None = None,
     pressure: Any = None,
 ) -> float:
-    """Return the largest pressure, infinity where none is given; the force must be within it.
+    """Return the largest pressure (by default infinity) after checking that the force is within it.
 
-    All elements carry it, or a number of them. What they carry may be exceeded by rounding: who
-    asks for just that has multiplied the same numbers in another order.
+    It is carried by all elements, or by `elements` of them. Rounding may exceed it, as a user who
+    wants exactly this force computes the product in another order.
     """
     if hardness is None:
         return np.inf
@@ -102,7 +102,7 @@ def check_hardness(
 
 
 def check_bound(bound: ArrayLike) -> Array:
-    """Return a traction bound as an array, or say what is wrong with it."""
+    """Return a traction bound as an array, or raise an error."""
     if hasattr(bound, "summary"):
         raise TypeError(
             f"bound is a {type(bound).__name__}, but must be an array, μ times the pressure: a "
@@ -115,7 +115,7 @@ def check_bound(bound: ArrayLike) -> Array:
 
 
 def check_friction(mu: Any, shape: tuple[int, ...]) -> Array:
-    """Return a coefficient of friction, of all elements or of each; check it."""
+    """Return a coefficient of friction, one number or one per element, after checking it."""
     friction = field("mu", in_order("mu", mu), "")
     if (friction < 0.0).any():
         raise ValueError(
@@ -132,9 +132,9 @@ def check_friction(mu: Any, shape: tuple[int, ...]) -> Array:
 def check_pressed(
     pressed: Any, bound: Any, element: Any, material: Any, periodic: Any, mu: Any
 ) -> tuple[Array, Any, Any, Any]:
-    """Return a traction bound, and what belongs to it, of bodies that are pressed or of a bound.
+    """Return the traction bound, element, material and periodicity.
 
-    That is the element, the material, and along which axes the surface repeats.
+    They come from a normal result, or from the arguments for a given bound.
     """
     if (pressed is None) == (bound is None):
         raise TypeError(
@@ -162,7 +162,7 @@ def check_pressed(
 
 
 def require_pressed(pressed: Any) -> None:
-    """Refuse a first argument of `friction` or `rolling` that is no result of normal contact."""
+    """Raise an error unless the first argument of `friction` or `rolling` is a normal result."""
     if isinstance(pressed, NormalResult):
         return
     kind, hint = f"a {type(pressed).__name__}", ""
@@ -175,7 +175,7 @@ def require_pressed(pressed: Any) -> None:
 
 
 def read_bound(pressed: NormalResult, mu: Any) -> Array:
-    """Return the traction bound of bodies that are pressed, or of one rank's rows of them."""
+    """Return the traction bound of a normal result; with several ranks, of the rows of one."""
     if mu is None:
         raise TypeError("mu is not given, but must be: the coefficient of friction")
     friction = check_friction(mu, pressed.contact.shape)
@@ -183,16 +183,16 @@ def read_bound(pressed: NormalResult, mu: Any) -> Array:
 
 
 def bound_of(mu: Array, p: Array) -> Array:
-    """Return the traction bound of pressures: none where there are none, for any coefficient."""
+    """Return the traction bound of pressures: zero without pressure, for any coefficient."""
     return np.multiply(mu, p, out=np.zeros_like(p), where=p != 0.0)
 
 
 def check_rolled(
     pressed: Any, bound: Any, element: Any, material: Any, mu: Any
 ) -> tuple[Array, Any, Any]:
-    """Return a traction bound, the element and the material, as `check_pressed` does, for rolling.
+    """Return the bound, element and material for rolling, as `check_pressed` does.
 
-    Bodies that roll do not repeat.
+    Periodic surfaces are refused.
     """
     g, element, material, periodic = check_pressed(pressed, bound, element, material, None, mu)
     if np.any(periodic):
@@ -204,7 +204,7 @@ def check_rolled(
 
 
 def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return a shift as an array that broadcasts to a field of this shape, (components, ...)."""
+    """Return a shift as an array that broadcasts to a field of shape (components, ...)."""
     array = field("shift", in_order("shift", shift), "mm")
     if not np.isfinite(array).all():
         raise ValueError("shift has values that are not finite")
@@ -220,9 +220,9 @@ def check_shift(shift: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> tuple[Array, bool]:
-    """Return the sum of the tractions, by components, that a force needs, and whether all slides.
+    """Return the sum of the tractions, by components, for a force, and whether all elements slide.
 
-    That is where it is all that can be carried, the sum `most`, but for `SLIDES`.
+    They do if the force equals the friction limit `most`, to within `SLIDES`.
     """
     m, area = grid.components, grid.area
     wanted = "(Fx, Fy)" if m == 2 else "a number"
@@ -246,38 +246,38 @@ def check_force(force: Any, most: float, grid: Grid, *, name: str = "force") -> 
 
 
 def show(given: Any) -> str:
-    """Return what was given as it is, or of an array that is no vector its shape."""
+    """Return an argument for an error message: for an array that is no vector, its shape."""
     return repr(given) if np.ndim(given) < 2 and np.size(given) < 4 else str(np.shape(given))
 
 
 def is_lateral(previous: Any) -> bool:
-    """Whether a tangential contact has tractions of two components, in line contact too."""
+    """Whether a tangential result has two components, which it may have in line contact too."""
     return isinstance(previous, TangentialResult) and previous.traction.ndim > len(previous.shape)
 
 
 def has_two_components(shape: tuple[int, ...], shift: Any, force: Any) -> bool:
-    """Whether a shift or a force in line contact is of two components.
+    """Whether a shift or a force in line contact has two components.
 
-    One of two numbers may be a field on two strips.
+    A shift with two numbers may also be a field on two strips.
     """
     if len(shape) > 1:
-        return False  # On a surface all have two.
+        return False  # On a surface they always have two.
     is_field = np.shape(shift) == shape
     return np.shape(force) == (2,) or (np.shape(shift)[:1] == (2,) and not is_field)
 
 
 def widen(x: Array, components: int) -> Array:
-    """Return a field, (components, ...), with more components, that are zero."""
+    """Return a field, (components, ...), with additional components, which are zero."""
     return np.concatenate([x, np.zeros((components - len(x), *x.shape[1:]))])
 
 
 def check_previous(
     previous: TangentialResult, grid: Grid, shape: tuple[int, ...], *, is_guess: bool = False
 ) -> Array:
-    """Return the tractions of a tangential contact on the same grid, in that shape.
+    """Return the tractions of a tangential result on the same grid, in the given shape.
 
-    In line contact they may have fewer components: then the lateral one is zero. Those before are
-    of the same bodies, too, and those of a guess may be of others.
+    In line contact a missing lateral component is set to zero. Previous tractions must be of the
+    same bodies, a guess may be of others.
     """
     name = "guess" if is_guess else "previous"
     if isinstance(previous, NormalResult):
@@ -296,7 +296,7 @@ def check_previous(
 
 
 def _check_same_bodies(previous: TangentialResult, grid: Grid) -> None:
-    """Refuse tractions of other bodies, or of a surface that repeats in another way."""
+    """Raise an error for tractions of other bodies, or of another periodicity."""
     if tuple(previous.periodic) != tuple(grid.periodic):
         raise ValueError(
             f"previous repeats along the axes {previous.periodic}, but the surface along "
@@ -311,7 +311,7 @@ def _check_same_bodies(previous: TangentialResult, grid: Grid) -> None:
 
 
 def check_same_grid(previous: Any, grid: Grid) -> None:
-    """Refuse what is no normal contact on the same grid."""
+    """Raise an error unless this is a normal result on the same grid."""
     if not isinstance(previous, NormalResult):
         kind = type(previous).__name__
         raise TypeError(f"previous is of type {kind}, but must be a NormalResult")
@@ -324,12 +324,12 @@ def check_same_grid(previous: Any, grid: Grid) -> None:
 
 
 def _is_same(element: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    """Whether two elements are alike, but for the rounding of a size over a number of pixels."""
+    """Whether two element sizes are equal up to rounding."""
     return len(element) == len(other) and np.allclose(element, other, rtol=ALIKE, atol=0.0)
 
 
 def check_iteration(tolerance: float, max_products: int, progress: Any = None) -> None:
-    """Check the tolerance, the limit of products, and the function that is told of progress."""
+    """Check the tolerance, the limit of products and the progress function."""
     if not 0.0 < real("tolerance", tolerance) < 1.0:
         raise ValueError(f"tolerance is {tolerance}, but must be in (0, 1)")
     count("max_products", max_products)

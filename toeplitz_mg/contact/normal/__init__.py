@@ -1,1 +1,1 @@
-"""What finds the area of contact and the pressure on it."""
+"""The search for the area of contact and the pressures."""

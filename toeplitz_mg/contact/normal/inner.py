@@ -1,8 +1,8 @@
 """Conjugate gradients on a set of elements in contact, in single precision.
 
-They find a change of the pressures, and that of the displacements, with the relative accuracy of
-single precision: products take half the time. `search` adds the changes up in double
-precision, and multiplies the sum anew before it believes an answer.
+They find changes of the pressures and the displacements with the relative accuracy of single
+precision, in half the time. `search` adds the changes up in double precision, and recomputes the
+product before it accepts a solution.
 """
 
 from typing import NamedTuple, Self
@@ -17,17 +17,18 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.engine.vectors import Vectors
 
-REDUCTION = 1e-5  # Reduction of the misfit for which single precision is good.
-FAR = 1e30  # Size of a misfit, beyond which no sign changes: single precision ends at 1e38.
-ANSWER = 0.9  # Part of the tolerance that is left to an answer in single precision.
-SHARP = 0.1  # Part of the tolerance beyond which no set is solved more exactly.
-LONG = 50  # Iterations after which the recurrence in single precision is not trusted.
+REDUCTION = 1e-5  # Largest reduction of the misfit in single precision.
+FAR = 1e30  # Largest misfit; single precision ends at 1e38.
+ANSWER = 0.9  # Share of the tolerance for a solution in single precision.
+SHARP = 0.1  # No set is solved more accurately than this share of the tolerance.
+LONG = 50  # After so many iterations the recurrence in single precision is not trusted.
 
 
 class Area:
-    """Elements whose pressure is free, with a mask to multiply by: faster than to index by them.
+    """Elements with free pressure, with a mask to multiply by, which is faster than an index.
 
-    Of the other elements, those that yield carry all they can: they may penetrate, but not open.
+    Of the other elements, those that yield have the largest pressure: they may penetrate, but not
+    open.
     """
 
     def __init__(
@@ -44,36 +45,36 @@ class Area:
         return self.vectors.dot(x, self.mask) / self.size
 
     def approach(self, x: Array) -> float:
-        """Return the approach that belongs to a gap: its mean, or where it suits all others."""
+        """Return the approach for a gap: its mean in contact, or one that suits the others."""
         if self.size or self.yields is None:
             return self.mean(x)
         where = self.vectors.xp.where
         above = -self.vectors.min(where(self.yields, -x, np.inf))
         below = self.vectors.min(where(self.yields, np.inf, x))
-        if above <= below:  # All that yield are below it, and all that do not touch are above.
+        if above <= below:  # Yielding elements are below, those that do not touch are above.
             return above if above > -np.inf else below
         return 0.5 * (above + below)
 
 
 class Look(NamedTuple):
-    """What is wrong with some pressures and a set of elements in contact."""
+    """The errors of some pressures and a set of elements in contact."""
 
     gap: Array
     r: Array  # Minus the gap in contact, zero elsewhere.
-    mean: float  # The mean that the gap had in contact, where the approach is free; else 0.
+    mean: float  # The mean gap in contact that was subtracted, if the approach is free; else 0.
     lowest: float  # The smallest gap, or minus the largest where elements yield.
-    misfit: float  # The largest size of the gap in contact.
+    misfit: float  # The largest absolute gap in contact.
     tension: float  # The largest excess of a pressure, below zero or above the hardness.
-    violation: float  # How wrong the set is: the tension, or the depth of penetration elsewhere.
-    error: float  # The error of complementarity, at an approach, if free, without penetration.
+    violation: float  # The error of the set: the tension, or the penetration elsewhere.
+    error: float  # The complementarity error, at an approach without penetration if that is free.
 
     @classmethod
     def at(
         cls, p: Array, gap: Array, area: Area, *, balanced: bool, room: Array | None = None
     ) -> Self:
-        """Look at pressures and their gap; where the approach is free, at the gap less its mean.
+        """Examine pressures and their gap; if the approach is free, the gap minus its mean.
 
-        What the pressures lack to the hardness, where there is one, is `room`.
+        `room` is the difference of the hardness and the pressures, if there is a hardness.
         """
         mean, vectors = 0.0, area.vectors
         xp, elementwise = vectors.xp, vectors.elementwise
@@ -90,19 +91,19 @@ class Look(NamedTuple):
         if room is not None:
             tension = max(tension, -vectors.min(room))
         misfit, violation = max(high, -low), max(tension, -least)
-        # Another approach puts no penetration right where some elements may penetrate.
+        # If some elements may penetrate, a change of the approach does not remove penetration.
         is_free = balanced and room is None
         error = max(high - lowest, tension) if is_free else max(misfit, violation)
         return cls(gap, r, mean, lowest, misfit, tension, violation, error)
 
 
 class Change(NamedTuple):
-    """A change of the pressures, that of the displacements, and what they lead to, on a part."""
+    """A change of pressures and displacements, and the resulting gap, on a part."""
 
     p: Array
     u: Array
-    gap: Array  # The gap that it leads to, in some unit.
-    is_solved: bool  # Whether it is solved as far as the set is worth it, and is no answer.
+    gap: Array  # The resulting gap, scaled.
+    is_solved: bool  # Whether the set is solved accurately enough for it, and is not a solution.
     iterations: int
 
 
@@ -119,24 +120,24 @@ def solve_on_set(
     tolerance: float,
     balanced: bool,
 ) -> Change:
-    """Solve on a set C of elements in contact as far as the set is worth it.
+    """Solve on a set C of elements in contact, only as accurately as the set deserves.
 
     Parameters
     ----------
     A, M : Products, Inverse
-        Products with a matrix whose diagonal is 1, and an approximate inverse on the set.
+        Products with a matrix with unit diagonal, and an approximate inverse on the set.
     p, now : ndarray, Look
-        The pressures to start from, and what is wrong with them.
+        The initial pressures, and their errors.
     part : Part, Whole or None
-        The elements that are looked at, to which the set belongs: what is returned is of these.
-        All, where there is none.
+        The elements to examine, which include the set; the results are restricted to them. None
+        means all.
     most : float
         The hardness, or infinity.
     eta, tolerance : float
-        The misfit that may be left, relative to the violation of the set, and the error of
-        complementarity below which no more is asked for.
+        The misfit to leave, relative to the violation of the set, and the complementarity error
+        that is sufficient.
     balanced : bool
-        Whether the sum of the pressures is given, so that the change has the sum zero, and the
+        Whether the sum of the pressures is given: then the sum of the change is zero, and the
         approach is free.
     """
     vectors, gap = A.vectors, now.gap
@@ -176,7 +177,7 @@ def solve_on_set(
             break
         length = iteration.step(look.r)
         if length == 0.0:
-            break  # What is left is lost in the rounding.
+            break  # The rest is lost in rounding.
         v = vectors.axpy(length, iteration.direction, v)
         Av = vectors.axpy(length, iteration.product, Av)
         count += 1

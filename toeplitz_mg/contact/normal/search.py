@@ -1,13 +1,13 @@
-"""The search for the elements in contact: its energy descends from one set of them to the next.
+"""The search for the elements in contact, an active set method with decreasing energy.
 
-While a set C is fixed the equation on it is A p = δ - z. Conjugate gradients solve it until their
-misfit is below the violation of the inequalities, tension in C or penetration elsewhere; then the
-set changes. On all other elements the pressure is zero or, where there is a hardness, equal to
-that. Where a change does not lower the energy ½ p·Ap - (δ - z)·p, the next equations are solved
-more exactly; where that does not help either, projected gradients descend from there, and the
-search goes on with the set that they find.
+While a set C is fixed, the equation on it is A p = δ - z. Conjugate gradients solve it until the
+misfit is below the violation of the inequalities (tension in C, penetration elsewhere); then the
+set changes. On other elements the pressure is zero or, with a hardness, may be equal to it. If a
+change does not lower the energy ½ p·Ap - (δ - z)·p, the next equations are solved more accurately;
+if that does not help, projected gradients decrease the energy, and the search continues with their
+set.
 
-Pressures are in units of the displacement that an element gives itself: the diagonal of A is 1.
+Pressures are scaled so that the diagonal of A is 1.
 """
 
 from dataclasses import dataclass, replace
@@ -26,22 +26,22 @@ from toeplitz_mg.contact.products import Products
 from toeplitz_mg.contact.projected_gradients import descend, energy
 from toeplitz_mg.operators import ToeplitzOperator
 
-STRIKES = 3  # Changes of the set in a row without a lower energy, after which gradients descend.
-LEAST_FALL = 1e-6  # Fall of the energy that counts, over it and the square of the residual.
-TIGHTER = 0.1  # Factor of the misfit left on the set, at a change that does not lower the energy.
-RESCUE = 40  # Steps of projected gradients: enough to leave the sets that come back.
-NEAR = 4.0  # Gap that may close in the solution on a set, over the largest error before it.
-SPARSE = 0.2  # Share of the elements up to which fields are cut to those that may be in contact.
-ROUGH = 0.1  # Residual beyond which a product in single precision is good enough after a step.
-FLAT = 1e-4  # Interference that counts at least, over what the mean pressure does to an element.
-BALANCED = 1e-15  # Error of the sum of projected pressures, relative to it, that is rounding.
+STRIKES = 3  # Consecutive changes without a lower energy, before projected gradients are used.
+LEAST_FALL = 1e-6  # Smallest relevant decrease of the energy, over it and the squared residual.
+TIGHTER = 0.1  # Factor for the misfit left on the set, after a change without a lower energy.
+RESCUE = 40  # Steps of projected gradients: enough to leave a cycle of sets.
+NEAR = 4.0  # Gap that may close in the solution on a set, over the largest error before.
+SPARSE = 0.2  # Up to this share of elements, fields are restricted to possible contact.
+ROUGH = 0.1  # Above this residual, a product in single precision is sufficient after a step.
+FLAT = 1e-4  # Smallest interference, over the displacement of an element by the mean pressure.
+BALANCED = 1e-15  # Relative error of the sum of projected pressures that counts as rounding.
 
 
 @dataclass(frozen=True)
 class Iterate:
     """Admissible pressures, their displacements u, and the set C of elements in contact.
 
-    It is exact where u = A p is a product in double precision, and not a sum of changes.
+    It is exact if u = A p is a product in double precision, not a sum of changes.
     """
 
     p: Array
@@ -60,15 +60,14 @@ def find_set(
     search : Search
     A : Products
     p, C, u : ndarray
-        Admissible pressures, and the set, to start from; the displacements A p, where they are
-        known.
+        Initial admissible pressures and set; the displacements A p, if known.
     eta : float
-        The misfit that is left on the first sets, as `Search.advance` takes it.
+        The misfit to leave on the first sets, for `Search.advance`.
 
     Returns
     -------
     now, law, iterations
-        What is found, what is wrong with it, and the iterations on the sets, one after the other.
+        The last iterate, its errors, and the numbers of iterations on the sets.
     """
     vectors, A.progress, b = A.vectors, search.progress, search.b
     if u is None:
@@ -92,7 +91,7 @@ def find_set(
         now, count = search.advance(A, now, law, eta)
         iterations.append(count)
         reached = energy(now.p, now.u, b, vectors)
-        # What is wrong by some part should lower the energy by its square: less may be rounding.
+        # A local error should lower the energy by its square; less may be rounding.
         falls = lowest - reached > LEAST_FALL * law.residual**2 * abs(reached)
         strikes = 0 if falls else strikes + 1
         eta = TIGHTER * eta if strikes else eta
@@ -100,28 +99,28 @@ def find_set(
 
 
 class Law(NamedTuple):
-    """What is wrong with pressures and a set."""
+    """The errors of pressures and a set."""
 
     look: Look
-    touching: float  # The given approach, or else that at which nothing penetrates.
-    interference: float  # The depth by which the bodies would penetrate each other.
-    residual: float  # The error of complementarity, relative to the interference.
+    touching: float  # The given approach, or the one at which nothing penetrates.
+    interference: float  # The depth to which the undeformed bodies penetrate each other.
+    residual: float  # The complementarity error relative to the interference.
 
 
 @dataclass(frozen=True)
 class Search:
-    """A problem on one grid, and how well it is to be solved."""
+    """A problem on one grid, with its tolerance."""
 
     grid: Grid
-    z: Array  # The gap before the bodies touch.
+    z: Array  # The gap before loading.
     approach: float | None
-    force: float | None  # Either this or the approach is given.
-    # The error of the complementarity that is allowed, relative to the interference.
+    force: float | None  # Either this or the approach is None.
+    # The allowed complementarity error, relative to the interference.
     tolerance: float
     progress: Progress | None = None
     hardness: float = np.inf  # The largest pressure.
-    # The matrix and its inverse in single precision, where gap and pressure have exchanged their
-    # roles (see `starts`).
+    # The matrix and its inverse in single precision, if gap and pressure have exchanged their roles
+    # (see `starts`).
     exchanged: tuple[ToeplitzOperator, ToeplitzOperator] | None = None
 
     @cached_property
@@ -135,41 +134,41 @@ class Search:
 
     @property
     def matrix(self) -> ToeplitzOperator:
-        """The matrix whose diagonal is 1."""
+        """The matrix with unit diagonal."""
         return self._scaled[0]
 
     @property
     def unit(self) -> float:
-        """The displacement of an element by a unit pressure on it."""
+        """The displacement of an element due to a unit pressure on it."""
         return self._scaled[1]
 
     @property
     def total(self) -> float:
-        """The sum of the pressures, where the force is given."""
+        """The sum of the pressures, if the force is given."""
         assert self.force is not None
         return self.force / self.grid.area * self.unit
 
     @property
     def most(self) -> float:
-        """The hardness, in the unit of the pressures."""
+        """The hardness in the unit of the pressures."""
         return self.hardness * self.unit
 
     @cached_property
     def inverse(self) -> Inverse:
-        """An approximate inverse, on a set that it is fitted to."""
+        """An approximate inverse, to be fitted to a set."""
         return Inverse(self.grid, self.matrix, self.exchanged and self.exchanged[1])
 
     @cached_property
     def lowest(self) -> float:
-        """The gap where the bodies are nearest."""
+        """The smallest gap."""
         return self.grid.vectors.min(self.z)
 
     def put_out_of_reach(self) -> Array:
-        """Return the gap, with a finite one that never closes in the place of an infinite one.
+        """Return the gap with infinite values replaced by finite ones that never close.
 
-        No displacement is larger than the sum of the pressures: an element by itself would be
-        displaced by that, if it carried all. Where an approach is given, displacements in contact
-        are at most that; where their mean is zero, all the rest may be that of one element.
+        No displacement exceeds the sum of the pressures, which is that of an element that carries
+        all. If the approach is given, displacements in contact are at most that; if their mean is
+        zero, one element may have the sum of all others.
         """
         z, vectors = self.z, self.grid.vectors
         where = vectors.xp.where
@@ -179,7 +178,7 @@ class Search:
         return where(z < np.inf, z, max(far, farthest))
 
     def look(self, now: Iterate) -> Law:
-        """Return what is wrong with pressures and a set."""
+        """Return the errors of pressures and a set."""
         yields = room = None
         if self.hardness < np.inf:
             yields, room = (now.p == self.most) & ~now.C, self.most - now.p
@@ -196,24 +195,24 @@ class Search:
             look = Look.at(now.p, gap, area, balanced=False, room=room)
         interference = approach - self.lowest
         if interference <= 0.0 and self.force is not None and (total := vectors.sum(now.p)) > 0.0:
-            # Where the mean displacement is free, that of a set that is wrong may be below the
-            # summits. Weighted with any pressures p it is above them, by pᵀ A p over their sum.
+            # If the mean displacement is free, that of a wrong set may be below the summits. Its
+            # average weighted by any pressures p is above them, by pᵀ A p over their sum.
             interference = vectors.dot(now.p, gap) / total - self.lowest
         if self.force is not None and self.grid.has_free_mean:
-            # Of what is flat, and touches everywhere, it is rounding of the displacements.
+            # For a flat that touches everywhere, it is the rounding error of the displacements.
             interference = max(interference, FLAT * self.total / prod(self.grid.shape))
-        # The interference may be below the rounding of the gap.
+        # The interference may be below the rounding error of the gap.
         residual = look.error / interference if interference > 0.0 else 0.0
         return Law(look, touching, interference, residual)
 
     def advance(self, A: Products, now: Iterate, law: Law, eta: float) -> tuple[Iterate, int]:
-        """Solve on the set until the misfit is `eta` times what is wrong with it, and change it.
+        """Solve on the set until the misfit is `eta` times its violation, and change the set.
 
         The number of iterations is returned too.
         """
         C, M, count, gap = now.C, self.inverse, 0, law.look.gap
         p, part, vectors = now.p, None, A.vectors
-        while vectors.count(C):  # Where all elements of a contact yield there is none.
+        while vectors.count(C):  # It is empty if all elements in contact yield.
             M.fit(C)
             part = self._part(C, law.look)
             change = solve_on_set(
@@ -238,7 +237,7 @@ class Search:
                 gap = part.put(change.gap, law.look.gap)
             if change.is_solved or A.exhausted:
                 break
-            # An answer, or all that single precision can do: look with double precision.
+            # Possibly a solution, or the limit of single precision: check in double precision.
             now = Iterate(p, A(p), C)
             law = self.look(now)
             if law.look.tension == 0.0 and law.residual <= self.tolerance:
@@ -256,14 +255,14 @@ class Search:
         return replace(now, C=C), count
 
     def _follow(self, A: Products, now: Iterate, p: Array) -> Array:
-        """Return the displacements by other pressures than those of an iterate, without digits."""
+        """Return the displacements of pressures near an iterate, to single precision."""
         change = p - now.p
         largest = A.vectors.peak(change) or 1.0
         following: Array = now.u + largest * A(A.vectors.cast(change / largest, self.inverse.dtype))
         return following
 
     def _part(self, C: Array, look: Look) -> Part | Whole | None:
-        """Return the elements of a set, and those that may come in contact, if these are few."""
+        """Return the elements that are or may come in contact, if they are few."""
         vectors, reach = self.grid.vectors, NEAR * max(look.misfit, look.violation)
         near = vectors.elementwise(lambda C, gap: C | (gap < reach), C, look.gap)
         if self.hardness < np.inf or vectors.count(near) > SPARSE * prod(self.grid.shape):
@@ -273,8 +272,8 @@ class Search:
     def change(self, p: Array, gap: Array) -> Array:
         """Return the elements whose pressure is free from now on.
 
-        These are they that are pressed, those that are not but penetrate, and those at the
-        hardness that open; where there are none, it goes on where the bodies would touch first.
+        These are elements with pressure, elements that penetrate, and yielding elements that open.
+        If there are none, the elements that touch first are taken.
         """
         most, vectors = self.most, self.grid.vectors
         C = vectors.elementwise(lambda p, gap: (p > 0.0) | ((p == 0.0) & (gap < 0.0)), p, gap)
@@ -289,9 +288,9 @@ class Search:
         return (p > 0.0) & (p < self.most)
 
     def clip(self, p: Array) -> Array:
-        """Return admissible pressures, of the given sum: near these, if not the nearest.
+        """Return admissible pressures with the given sum, near these if not nearest.
 
-        What the sum lacks is shared among the elements that are between the bounds.
+        The missing sum is shared among the elements that are between the bounds.
         """
         vectors = self.grid.vectors
         xp = vectors.xp
@@ -309,12 +308,12 @@ class Search:
         return xp.clip(p + share * (lack / room), 0.0, self.most) if room > 0.0 else p
 
     def project(self, p: Array) -> Array:
-        """Return the nearest admissible pressures, of the given sum."""
+        """Return the nearest admissible pressures with the given sum."""
         clip = self.grid.vectors.xp.clip
         if self.force is None:
             return clip(p, 0.0, self.most)
-        # The nearest ones are p - c, clipped, with the constant c that gives the sum. Newton's
-        # method finds it; where a step leaves the interval that has it, that is halved.
+        # They are p - c, clipped, with the constant c that gives the sum, by Newton's method; a
+        # step that leaves the bracket is replaced by bisection.
         vectors, most, total = self.grid.vectors, self.most, self.total
         low, high = vectors.min(p) - min(most, total), vectors.max(p)
         c = low

@@ -1,17 +1,16 @@
-"""Pressures, from a first guess: from other loads, from coarser grids, or nearly full contact.
+"""Initial guesses for the pressures: from other loads, nearly full contact, or coarser grids.
 
-A search starts from what is known, on the first of these ways that is open:
+The first of these that is possible is used:
 
-- Pressures under other loads are extrapolated. Near the edge of a contact they rise as the root of
-  the distance from it, and the gap opens as its power 3/2. So p² where the bodies touch, and minus
-  the power 2/3 of the gap elsewhere, are one field that is nearly linear in the distance, and in
-  the load: it says where the edge will be. Pressures themselves know nothing of elements that do
-  not touch yet.
-- On a surface that repeats, and touches nearly everywhere, gap and pressure exchange their roles. A
-  gap w after pressing takes the pressures p = P + K (w - z), where P is their mean, which the force
-  gives, and K the inverse of A, but for the mean. So the conditions w ≥ 0, p ≥ 0, w p = 0 have the
-  form of contact again: with the matrix K, the gap -K z before and the approach -P, w are the
-  "pressures" and p is the "gap". What is "in contact" then are the few elements that are apart.
+- Pressures under other loads are extrapolated. Near the edge of a contact they grow as the square
+  root of the distance, and outside the gap grows as its power 3/2. So p² inside, and minus the gap
+  to the power 2/3 outside, form one field that is nearly linear in the distance and in the load,
+  which predicts the edge. Pressures by themselves do not tell which elements touch next.
+- If a surface repeats and touches nearly everywhere, gap and pressure exchange their roles. The gap
+  w under load has the pressures p = P + K (w - z), where P is their mean, given by the force, and K
+  the inverse of A except for the mean. So the conditions w ≥ 0, p ≥ 0, w p = 0 again have the form
+  of contact: with the matrix K, the gap -K z and the approach -P, w are the "pressures" and p is
+  the "gap". The few elements that are apart are "in contact" in this problem.
 - The solution on a coarser grid is interpolated.
 """
 
@@ -26,25 +25,25 @@ from toeplitz_mg.contact.normal.search import Iterate, Search, find_set
 from toeplitz_mg.contact.products import Products, for_coarser_grids
 from toeplitz_mg.engine.vectors import Vectors
 
-ETA = 0.5  # Misfit that is left on a set, relative to its violation, while the energy falls.
-EXACT_ETA = 0.1  # The same where each set has an FSAI of its own, and few iterations.
-FALL = 0.5  # Part of the error that a step may leave: beyond, the search changes the set.
-ROUGH = 0.2  # Tolerance on a coarser grid, relative to the detail of the gap that it does not have.
-# Limits of the tolerance on a coarser grid: a finer guess, and a rougher, save nothing.
+ETA = 0.5  # Misfit left on a set, relative to its violation, while the energy decreases.
+EXACT_ETA = 0.1  # The same if each set has its own FSAI, and needs few iterations.
+FALL = 0.5  # If a step leaves a larger share of the error, the search starts.
+ROUGH = 0.2  # Tolerance on a coarser grid, relative to the unresolved detail of the gap.
+# Limits of the tolerance on a coarser grid: more and less accurate guesses save nothing.
 LEAST, MOST = 1.5e-3, 1e-2
-DAMPING = 0.5  # Part of Jacobi's step by which the pressures follow the detail of a finer grid.
-COARSE_PRODUCTS = 200  # Most products on a coarser grid, whose answer is but a guess.
-AT_HARDNESS = 1e-13  # Part of the largest force, which all elements carry at it, as rounding.
-# Pressure over the mean one that is usual near the edge of a contact: how fast the gap opens there.
+DAMPING = 0.5  # Damping of the Jacobi step by which pressures follow the detail of a finer grid.
+COARSE_PRODUCTS = 200  # Limit of products on a coarser grid, which only gives an initial guess.
+AT_HARDNESS = 1e-13  # If the force is this close to the largest one, all elements yield.
+# Typical pressure near the edge of a contact over the mean: it determines how fast the gap opens.
 EDGE = 0.5
-PART = 0.5  # Part of the tolerance that is left to the exchange of gap and pressure.
-# Force over its deviation in full contact beyond which few elements are pulled apart: a tenth of
-# them where the pressures are normally distributed.
+PART = 0.5  # Share of the tolerance for the problem with exchanged gap and pressure.
+# If the mean pressure in full contact is this multiple of the standard deviation, few elements are
+# pulled apart: a tenth of them for normally distributed pressures.
 FULL = 1.28
 
 
 class State(NamedTuple):
-    """Pressures and their displacements, the approach, and how they were found."""
+    """Pressures, their displacements, the approach, and the cost."""
 
     p: Array
     u: Array
@@ -54,7 +53,7 @@ class State(NamedTuple):
 
 
 def solve(search: Search, A: Products, *, nested: bool, guess: Array | None = None) -> State:
-    """Find the pressures and the area of contact, from a guess or, `nested`, from coarser grids."""
+    """Find the pressures and the contact area, from a guess or, if `nested`, from coarser grids."""
     before: tuple[int, ...] = ()
     if guess is None:
         guess, before = _press_all_but_few(search, A)
@@ -67,22 +66,22 @@ def solve(search: Search, A: Products, *, nested: bool, guess: Array | None = No
 
 
 def _search_from(search: Search, A: Products, p: Array, C: Array, u: Array | None = None) -> State:
-    """Find the pressures from some, of which the displacements may be known, and from a set."""
+    """Find the pressures from initial ones and a set; their displacements may be known."""
     now, law, iterations = find_set(search, A, p, C, u=u, eta=_eta(search))
     return State(now.p, now.u, law.touching, law.residual, iterations)
 
 
 def _eta(search: Search) -> float:
-    """Return the misfit that is left on the first sets."""
+    """Return the misfit to leave on the first sets."""
     return EXACT_ETA if search.inverse.is_slow else ETA
 
 
 def _come_near(search: Search, A: Products, p: Array) -> Iterate:
-    """Return what some steps make of pressures that are nearly right: their set, above all.
+    """Improve pressures that are nearly right, and above all their set, by a few steps.
 
-    A step corrects the pressures by the approximate inverse, and clips those below zero. On a
-    set that is nearly right that leaves less than a fifth of the error, and takes one product,
-    where an iteration on the set and a change of it take two.
+    A step corrects the pressures by the approximate inverse, and clips those below zero. If the set
+    is nearly right, it reduces the error to less than a fifth with one product; an iteration on the
+    set and a change of it need two.
     """
     p = search.clip(p)
     now, before = Iterate(p, A(p), search.set_of(p)), None
@@ -99,10 +98,10 @@ def _come_near(search: Search, A: Products, p: Array) -> Iterate:
 
 
 def _step(search: Search, A: Products, now: Iterate, before: Iterate | None) -> Iterate:
-    """Correct pressures by the approximate inverse, where they will be free (`Search.change`).
+    """Correct pressures by the approximate inverse where they will be free (`Search.change`).
 
-    As in conjugate gradients the step before is given the length at which the error is least, and
-    the direction is conjugate to it. Only the length of the last step is as yet unknown: it is one.
+    As in conjugate gradients, the length of the previous step minimises the error, and the new
+    direction is conjugate to it. Only the length of the last step is unknown; it is set to one.
     """
     gap, M, vectors = search.look(now).look.gap, search.inverse, A.vectors
     xp = vectors.xp
@@ -133,7 +132,7 @@ def _step(search: Search, A: Products, now: Iterate, before: Iterate | None) -> 
 
 
 def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
-    """Return pressures and elements in contact: of a coarser grid, or more than in contact."""
+    """Return initial pressures and a set: from a coarser grid, or with too many elements."""
     zeros, z = search.grid.vectors.zeros, search.z
     if search.force is not None:
         everywhere = search.total / prod(search.grid.shape)
@@ -153,13 +152,13 @@ def _first_guess(search: Search, *, nested: bool) -> tuple[Array, Array]:
 
 
 def _coarser(search: Search) -> Search | None:
-    """Return the problem on a coarser grid, or None where that says nothing."""
+    """Return the problem on a coarser grid, or None if that would not help."""
     grid = search.grid.coarser()
     if grid is None:
         return None
     z, vectors = search.grid.coarsen(search.z), search.grid.vectors
     if search.approach is not None and not grid.vectors.count(z < search.approach):
-        return None  # The averages touch nowhere.
+        return None  # The averages do not touch.
     detail = vectors.max(vectors.xp.abs(search.z - search.grid.refine(z)))
     detail /= vectors.max(search.z) - search.lowest or 1.0
     tolerance = min(max(LEAST, ROUGH * detail), MOST)
@@ -168,9 +167,10 @@ def _coarser(search: Search) -> Search | None:
 
 
 def _interpolate(search: Search, coarse: State, ratio: float) -> Array:
-    """Interpolate from a coarser grid, and follow the detail that it does not have.
+    """Interpolate from a coarser grid, and correct for the detail that it cannot resolve.
 
-    That is a step of Jacobi's iteration, without a product, as displacements are smooth.
+    The correction is one step of Jacobi's iteration, which needs no product as displacements are
+    smooth.
     """
     p, u = (search.grid.refine(x) for x in (coarse.p, coarse.u))
     vectors = search.grid.vectors
@@ -180,17 +180,17 @@ def _interpolate(search: Search, coarse: State, ratio: float) -> Array:
 
 
 def _press_all_but_few(search: Search, A: Products) -> tuple[Array | None, tuple[int, ...]]:
-    """Find the pressures, to the tolerance or nearly so, where few elements are apart.
+    """Find the pressures, at least nearly to the tolerance, if few elements are apart.
 
-    They are None where many are, or the exchange is not possible. The iterations are returned too.
-    Products with K count as those with A.
+    They are None if many are, or if roles cannot be exchanged. The iterations are returned too.
+    Products with K count like those with A.
     """
     grid, z, vectors = search.grid, search.z, search.grid.vectors
     is_free = search.hardness == np.inf and grid.has_free_mean
     if search.force is None or not is_free or search.inverse.dtype != np.float32:
         return None, ()
-    # Full contact varies the pressures by E*|q|/2 of a wave with a wavenumber q, and so by E*/2 of
-    # its slopes. Where that is more than their mean, those of many elements pull.
+    # In full contact the pressure of a wave with wavenumber q is E*|q|/2 times its amplitude, so
+    # E*/2 times its slope. If that exceeds the mean pressure, many elements pull.
     slopes = (np.diff(z, axis=axis) / h for axis, h in enumerate(grid.element))
     square = sum(vectors.dot(slope, slope) for slope in slopes) / z.size
     deviation = 0.5 * grid.material.E_star * np.sqrt(square)
@@ -204,7 +204,8 @@ def _press_all_but_few(search: Search, A: Products) -> tuple[Array | None, tuple
     tolerance = search.tolerance
     depth = approach - vectors.min(z)
     if depth > 0.0:
-        # A wrong pressure moves its element by about as much, and the interference is the mean gap.
+        # An error of a pressure moves its element by about as much; the interference is the mean
+        # gap.
         tolerance *= PART * vectors.sum(search.z) / (prod(grid.shape) * depth)
     other = Search(grid, z, approach, None, tolerance, search.progress, exchanged=roles)
     w, C = np.zeros(z.shape), z < approach
@@ -214,7 +215,7 @@ def _press_all_but_few(search: Search, A: Products) -> tuple[Array | None, tuple
 
 
 class Known(NamedTuple):
-    """Pressures under a load, in the units of the search, and the gap that they leave."""
+    """Pressures under a load, in the units of the search, and their gap."""
 
     load: float  # Force or approach.
     p: Array
@@ -222,9 +223,9 @@ class Known(NamedTuple):
 
 
 def predict(known: Sequence[Known], load: float, vectors: Vectors) -> Array | None:
-    """Return pressures under another load, or None where those that are known say nothing.
+    """Return pressures extrapolated to another load, or None if the known ones do not help.
 
-    The last two loads count. With one of them, its pressures are returned.
+    The last two loads are used. If there is only one, its pressures are returned.
     """
     last = known[-1]
     if not vectors.count(last.p):
@@ -241,7 +242,7 @@ def predict(known: Sequence[Known], load: float, vectors: Vectors) -> Array | No
 
 def _straighten(known: Known, edge: float) -> Array:
     """Return a field that is linear in the distance from the edge of the contact."""
-    # Where there is no material the gap is infinite, and nothing is to be extrapolated.
+    # The gap is infinite where there is no material; nothing is extrapolated there.
     gap = np.where(known.gap < np.inf, np.maximum(known.gap, 0.0), 0.0)
     opening = np.cbrt(edge**2 * gap) ** 2
     return np.where(known.p > 0.0, known.p**2, -opening)
