@@ -1,1 +1,1 @@
-"""What finds the tractions of friction: of a load that shifts, and of bodies that roll."""
+"""Tangential tractions in friction and rolling."""

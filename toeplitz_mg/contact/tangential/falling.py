@@ -1,16 +1,16 @@
-"""Friction that depends on the slip: its slope is a part of Newton's method.
+"""Friction that depends on the slip: its derivative is part of Newton's method.
 
-Where an element slides, with the traction n |q| against the slip σ, the law is |q| = G(σ). Of its
-slope over the stiffness of an element, γ = G'(σ) k₀, with k₀ the diagonal of K, the linear system
-has the row
+Where an element slides, with the traction n |q| against the slip σ, the law is |q| = G(σ). Let
+γ = G'(σ) k₀ be its slope relative to the stiffness of an element, where k₀ is the diagonal of K.
+The linear system has the row
 
     k₀ n·dq + γ n·K dq = k₀ (G - |q|),
 
-divided by 1 + |γ|: without a slope the size of the traction is known, and where friction rises
-steeply it is the slip that is. So bound, slip and tractions are found at once.
+divided by 1 + |γ|: with γ = 0 it determines the traction's magnitude, and for steeply rising
+friction the slip. So bound, slip and tractions are found together.
 
-Friction that rises has one answer. Where it falls by more than bodies resist on any wavelength,
-there may be several: then the law is made steep step by step.
+Rising friction has a unique solution. Where friction falls more steeply than elasticity resists at
+some wavelength, there may be several: then the law is made steep step by step.
 """
 
 from collections.abc import Callable
@@ -27,18 +27,18 @@ from toeplitz_mg.contact.tangential.law import Areas, direction, size
 from toeplitz_mg.engine import fourier
 from toeplitz_mg.values import field, in_range, numbers, positive
 
-LEAST = 1e-10  # Least factor of the bound: with none at all an element would be no contact.
-SLIPS = 32  # Slips between which the steepest fall is looked for.
-SMALLEST = 1e-4  # The least of them, over the largest.
-LEAST_STEP = 1 / 16  # Least step of the law from constant friction on, over the whole.
+LEAST = 1e-10  # Lower limit of the factor: an element with a zero bound would leave the contact.
+SLIPS = 32  # Number of slips at which the slope is evaluated to find the steepest.
+SMALLEST = 1e-4  # The smallest of them over the largest.
+LEAST_STEP = 1 / 16  # Smallest step from constant friction to the law.
 
-Law = Callable[[Array], ArrayLike] | tuple[float, float, float]  # As a user gives it.
+Law = Callable[[Array], ArrayLike] | tuple[float, float, float]  # The user's argument.
 
 
 def read_law(falling: Law | None, mu: Any, bound: Any) -> tuple[Any, Any]:
     """Return the coefficient of friction without slip, and the factor of the bound by the slip.
 
-    Three numbers (μ_s, μ_k, s₀) are μ(s) = μ_k + (μ_s - μ_k) exp(-s/s₀); all else is as it was.
+    Three numbers (μ_s, μ_k, s₀) are μ(s) = μ_k + (μ_s - μ_k) exp(-s/s₀); other laws are unchanged.
     """
     if not isinstance(falling, tuple | list | np.ndarray):
         return mu, falling
@@ -64,9 +64,9 @@ def read_law(falling: Law | None, mu: Any, bound: Any) -> tuple[Any, Any]:
 
 
 def follow(find: Callable[..., Any], K: Any, problem: Any, loads: Any, guess: Any = None) -> Any:
-    """Return the state that is found, where friction falls steeply by steps from constant friction.
+    """Return the state; if friction falls steeply, go from constant friction to the law in steps.
 
-    `find` takes a problem, loads and a guess; K says when no product is left.
+    `find` takes a problem, loads and a guess; K tells whether products are used up.
     """
     law = problem.falling
     state = find(problem, loads, guess)
@@ -85,7 +85,7 @@ def follow(find: Callable[..., Any], K: Any, problem: Any, loads: Any, guess: An
             return found
         else:
             last, part = found, new
-    # Where friction falls at once, all slides fast.
+    # If friction falls at once, all elements slide fast.
     slide = (problem.g > 0.0) & np.isfinite(problem.g)
     fast = direction(problem.b) * np.where(slide, law.at(size(problem.b)), 0.0)
     if K.exhausted:
@@ -96,7 +96,7 @@ def follow(find: Callable[..., Any], K: Any, problem: Any, loads: Any, guess: An
 def examine(
     result: TangentialResult, of_slip: Callable[[Array], Array], tolerance: float, K: Any
 ) -> tuple[str, ...]:
-    """Return the doubt whether there is one answer only, or raise an error where none is found."""
+    """Return a warning if the solution may not be unique; raise an error if none was found."""
     is_one = result.slip.ndim == result.contact.ndim
     s = np.abs(result.slip) if is_one else np.hypot(*result.slip)
     falls, rises = _steepest(of_slip, s)
@@ -119,7 +119,7 @@ def examine(
 
 
 def _steepest(of_slip: Callable[[Array], Array], slip: Array) -> tuple[float, float]:
-    """Return by how much friction falls and rises at most where the slip grows by 1, up to it."""
+    """Return the steepest fall and rise of friction per unit of slip, up to the given slip."""
     largest = float(slip.max(initial=0.0))
     inside = np.isfinite(of_slip(slip))
     if not inside.any() or largest == 0.0:
@@ -131,14 +131,14 @@ def _steepest(of_slip: Callable[[Array], Array], slip: Array) -> tuple[float, fl
 
 
 def _largest_of_symbol(K: Any) -> float:
-    """Return the largest real part of the symbol of K: what slips most by its own tractions."""
+    """Return the largest real part of the symbol of K: the largest compliance at any wavelength."""
     blocks = [K.component(i) for i in range(len(K.blocks))] if hasattr(K, "blocks") else [K]
     lengths = [next_fast_len(2 * n - 1) for n in blocks[0].grid_shape]
     return max(float(fourier.rfftn(block.circulant(lengths)).real.max()) for block in blocks)
 
 
 def multiply(g: Array, falling: Callable[[Array], ArrayLike], s: Array) -> Array:
-    """Return g times the factor of the bound by the slip s, or say what is wrong with it."""
+    """Return g times the factor of the bound for the slip s, or raise an error."""
     if not callable(falling):
         raise TypeError(
             f"falling is {falling!r}, but must be a function of the slip, (mu_s, mu_k, s0), or None"

@@ -1,10 +1,9 @@
-"""Steps towards the steady state of rolling, by approximate inverses and Anderson's acceleration.
+"""Steps towards the steady state of rolling: approximate inverses with Anderson acceleration.
 
-A step changes the tractions as the approximate inverse has it. Before that it combines the last
-changes, whose displacements are known, so that what a combination removes in the areas of now is
-known too, without a product: the one that leaves least is taken. While the areas stay that is the
-minimal residual method (Anderson's acceleration of a linear iteration is GMRES); and where they
-change, no product is lost, as K is the same.
+A step applies the approximate inverse to the residual. Before that it combines the last changes
+with the least residual; their displacements are known, so this takes no product. While the areas
+are constant, this is the method of minimal residuals (Anderson acceleration of a linear iteration
+is GMRES). If they change, no product is lost, since K is the same.
 """
 
 from math import prod
@@ -26,18 +25,18 @@ from toeplitz_mg.contact.tangential.loads import CARRIED, Loads, Look, complemen
 from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.preconditioners.causal import ShiftedInverses
 
-# Elements of a piece of contact on a line, in the mean, below which the inverse is cut at no edge:
-# in pieces of some 15 it takes as many products either way, in those of 3 up to twice as many.
+# If pieces of a line contact have fewer elements on average, the inverse is not corrected at edges:
+# with some 15 elements the products are the same, with 3 the correction takes up to twice as many.
 SHORT_PIECES = 12
-STEEPEST = -0.5  # Least γ by which the diagonal is inverted, where friction falls.
-DEPENDENT = 1e-6  # Relative addition to squared norms, so that changes may depend on each other.
+STEEPEST = -0.5  # Lower limit of γ for inverting the diagonal, if friction falls.
+DEPENDENT = 1e-6  # Relative addition to squared norms, as changes may be linearly dependent.
 
 
 class Iteration:
-    """Steps of an accelerated iteration, one after the other.
+    """Steps of an accelerated iteration.
 
-    M are approximate inverses of K and additions to its diagonal, and `depth` the most changes that
-    are combined.
+    M are approximate inverses of K plus multiples of the unit matrix; `depth` is the largest number
+    of changes that are combined.
 
     References
     ----------
@@ -48,7 +47,7 @@ class Iteration:
 
     def __init__(self, problem: Problem, loads: Loads, M: ShiftedInverses, depth: int) -> None:
         self._problem, self._loads, self._M = problem, loads, M
-        # The last changes of tractions, and of displacements in contact, over what was wrong.
+        # The last changes of tractions, and of displacements in contact, over the residual.
         self._changes = np.empty((2, depth, *problem.b.shape), M.dtype)
         self._inside = problem.g > 0.0
         self._is_in_pieces = _is_in_short_pieces(self._inside, problem.vectors)
@@ -59,13 +58,13 @@ class Iteration:
     def __call__(
         self, now: Look, areas: Areas, q: Array, u: Array, eta: float
     ) -> tuple[Array, None, int]:
-        """Return a change of the tractions q, whose displacements are u (see `settling.Step`)."""
+        """Return a change of the tractions q with displacements u (see `settling.Step`)."""
         law, vectors, M = now.law, self._problem.vectors, self._M
         dq, du = self._remember(q, u)
         T = law.T.astype(M.dtype)
         stiffness = np.minimum(law.stiffness, STIFFEST * M.diagonal).astype(M.dtype)
         scale = self._scale = vectors.max(np.abs(law.r)) or 1.0
-        # The first row is what is wrong, the others are what the changes remove of it.
+        # The first row is the residual, the others are its reductions by the changes.
         rows = np.empty((1 + len(dq), *q.shape), M.dtype)
         rows[0] = law.r / scale
         rows[1:] = law.remove(dq, du, T, stiffness)
@@ -91,10 +90,10 @@ class Iteration:
         return v, None, 1
 
     def _invert_along(self, r: Array, law: Linearisation, T: Tangent, stiffness: Array) -> Array:
-        """Return the change of tractions whose sizes depend on the slip.
+        """Return the change of tractions whose magnitude depends on the slip.
 
-        Along them, 1/γ adds to K where friction rises; where it falls, it is the diagonal that is
-        inverted.
+        Along the traction, 1/γ is added to K if friction rises; if it falls, the diagonal is
+        inverted instead.
         """
         assert law.slope is not None
         M, slope = self._M, law.slope.astype(self._M.dtype)
@@ -116,7 +115,7 @@ class Iteration:
         return T(M.at(stiffness)(r, project_each)) + T.n * size
 
     def _remember(self, q: Array, u: Array) -> tuple[Array, Array]:
-        """Return the last changes of tractions and of displacements, with those to q and u."""
+        """Return the last changes of tractions and displacements, including those to q and u."""
         depth = self._changes.shape[1]
         if self._before is not None:
             dq, du = (now - before for now, before in zip((q, u), self._before, strict=True))
@@ -129,7 +128,7 @@ class Iteration:
 
 
 def _is_in_short_pieces(inside: Array, vectors: Vectors) -> bool:
-    """Whether a contact is along a line, and in pieces of few elements, where these end."""
+    """Whether a contact is along a line and consists of short pieces."""
     if prod(inside.shape[1:]) > 1:
         return False
     pieces = vectors.count(inside[:-1] & ~inside[1:])
@@ -137,11 +136,11 @@ def _is_in_short_pieces(inside: Array, vectors: Vectors) -> bool:
 
 
 def _leave(fields: Array) -> None:
-    """Project fields to all, in place."""
+    """Leave fields unchanged: the projection to all fields."""
 
 
 def _least(products: Array) -> Array:
-    """Return the weights of rows that leave least of the first one, from their inner products."""
+    """Return the weights of rows that reduce the first one most, from their inner products."""
     G, right = products[1:, 1:].copy(), products[1:, 0]
     if not len(G):
         return right
@@ -149,5 +148,5 @@ def _least(products: Array) -> Array:
     diagonal *= 1.0 + DEPENDENT
     diagonal[diagonal == 0.0] = 1.0
     _, weights, fails = lapack.dposv(G, right)
-    # Where a change is stiff, its square may overflow.
+    # The square of a stiff change may overflow.
     return np.zeros(len(G)) if fails else weights

@@ -1,12 +1,12 @@
-"""Coulomb's law and elasticity together: the problem, its states, and what is wrong with them.
+"""Coulomb's law and elasticity: the problem, its states, and their errors.
 
-Fields have the shape (components, ...): one component in line contact, two on a surface. The
-tractions q are admissible where |q| ≤ g. With the slip s = A q - b they obey
+Fields have the shape (components, ...): one component in line contact, two on a surface. Tractions
+q are admissible if |q| ≤ g. With the slip s = A q - b they satisfy
 
     stick  s = 0, |q| ≤ g  (Eq. 2);        slide  q = -g s/|s|  (Eq. 3).
 
-While the sets are fixed, q may change by any vector where it sticks, and along the circle |q| = g
-where it slides: by a tangent vector. In one component there is none of those, the sign stays.
+While the sets are fixed, q may change by any vector where it sticks, and by a tangent vector of the
+circle |q| = g where it slides. With one component there is no tangent: the sign is fixed.
 """
 
 from collections.abc import Callable
@@ -23,16 +23,16 @@ from toeplitz_mg.contact.grid import Grid
 from toeplitz_mg.contact.products import for_coarser_grids
 from toeplitz_mg.engine.vectors import Vectors
 
-ROUNDING = 4.0 * np.finfo(np.float64).eps  # Relative rounding of |q|, however it is computed.
-ON_BOUND = 1e-12  # Relative distance from the bound at which a traction counts as on it.
+ROUNDING = 4.0 * np.finfo(np.float64).eps  # Relative rounding error of |q|.
+ON_BOUND = 1e-12  # Relative distance at which a traction counts as on the bound.
 COARSE = 3e-3  # Tolerance on a coarser grid: a better guess saves no product on the finer one.
 STIFFEST = 1e20  # Largest λ over the diagonal of A: single precision ends at 1e38.
-SMALL = 0.1  # Bound below which an element carries less of a load, over the largest.
-TINY = 1e-15  # Least bound, relative to the largest, of what is in contact.
-DIFFERENCE = 1e-7  # Relative change of the slip by which the slope of friction is computed.
-FLAT = 1e-6  # γ below which the slip says nothing of the size of the traction.
-TURN = 2.0  # Largest change of a traction across itself, over its size.
-THIN = 1e-6  # Least |q| over the bound by which the slip is divided.
+SMALL = 0.1  # Elements with a smaller bound, over the largest, carry less of a load.
+TINY = 1e-15  # Smallest bound, relative to the largest, of an element in contact.
+DIFFERENCE = 1e-7  # Relative change of the slip for the derivative of friction.
+FLAT = 1e-6  # Below this γ the slip does not determine the traction's magnitude.
+TURN = 2.0  # Largest change of a traction perpendicular to it, over its magnitude.
+THIN = 1e-6  # Smallest |q| over the bound by which the slip is divided.
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class Areas:
 
     @classmethod
     def of(cls, q: Array, g: Array) -> "Areas":
-        """Return the areas of which those on the bound slide."""
+        """Return areas in which the elements on the bound slide."""
         slide = (g > 0.0) & (size(q) >= g * (1.0 - ON_BOUND))
         return cls((g > 0.0) & ~slide, slide)
 
     def exchange(self, out: Array, back: Array) -> "Areas":
-        """Return the areas where `out` slides, which stuck, and `back` sticks, which slid."""
+        """Return areas in which the sticking elements `out` slide, and the sliding `back` stick."""
         return Areas((self.stick & ~out) | back, (self.slide & ~back) | out)
 
 
@@ -57,18 +57,18 @@ def size(q: Array) -> Array:
     """Return |q| in each element."""
     if len(q) == 1:
         return np.abs(q[0])
-    x, y = q  # No square of a number that is allowed under- or overflows, so that this is enough.
+    x, y = q  # Squares of allowed values neither under- nor overflow.
     return np.sqrt(x * x + y * y)
 
 
 def direction(q: Array) -> Array:
-    """Return q/|q|, to the last bit ±1 in one component; zero where q is."""
+    """Return q/|q|, exactly ±1 for one component; zero where q is."""
     a = size(q)
     return q / np.where(a > 0.0, a, 1.0)
 
 
 def clip(q: Array, g: Array) -> Array:
-    """Return the nearest tractions within the bound: |q| ≤ g, however |q| is rounded."""
+    """Return the nearest tractions within the bound: |q| ≤ g, including rounding."""
     if len(q) == 1:
         return np.clip(q, -g, g)
     a = size(q)
@@ -81,7 +81,7 @@ def clip(q: Array, g: Array) -> Array:
 
 
 def scale_to_bound(q: Array, g: Array, on_circle: Array) -> Array:
-    """Return tractions of the size of the bound on some elements, within it on the others."""
+    """Return tractions scaled to the bound on some elements, within it on the others."""
     if len(q) == 1:
         return np.clip(np.where(on_circle & (q != 0.0), np.copysign(g, q), q), -g, g)
     a, within = size(q), g * (1.0 - ROUNDING)
@@ -90,7 +90,7 @@ def scale_to_bound(q: Array, g: Array, on_circle: Array) -> Array:
 
 
 class Tangent:
-    """Directions in which admissible tractions may change while the areas are fixed."""
+    """The directions in which admissible tractions may change for fixed areas."""
 
     def __init__(self, areas: Areas, q: Array) -> None:
         self.inside = areas.stick | areas.slide
@@ -106,7 +106,7 @@ class Tangent:
         return other
 
     def __call__(self, v: Array, along_n: Array | None = None) -> Array:
-        """Project a field orthogonally to these directions, where v·n may be known."""
+        """Project a field orthogonally to these directions; v·n may be given."""
         if along_n is None:
             along_n = along(v, self.n)
         v = v - self.n * along_n
@@ -135,15 +135,15 @@ def sum_components(q: Array, vectors: Vectors) -> Array:
 
 
 def drop_rounding(g: Array, vectors: Vectors) -> Array:
-    """Return traction bounds, with no contact where they are rounding of the largest.
+    """Return traction bounds in which values at rounding level are set to zero.
 
-    The tractions of such elements are nothing, but what their directions do would never settle.
+    The tractions of such elements are negligible, but their directions would never converge.
     """
     return np.where(g < TINY * largest_bound(g, vectors), 0.0, g)
 
 
 def largest_bound(g: Array, vectors: Vectors) -> float:
-    """Return the largest of traction bounds that are finite, or zero."""
+    """Return the largest finite traction bound, or zero."""
     return vectors.max(np.where(np.isfinite(g), g, 0.0))
 
 
@@ -156,34 +156,34 @@ def extend(C: Array, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class SlipLaw:
-    """The bound of each element by its slip."""
+    """The bound of each element as a function of its slip."""
 
-    # Takes the size of the slip over the distance rolled, and returns the bound.
+    # Takes the magnitude of the slip divided by the distance rolled, and returns the bound.
     of_slip: Callable[[Array], Array]
     h: float  # The distance rolled in a step.
     k0: float  # The diagonal of K.
-    part: float = 1.0  # That of the slip that friction depends on.
+    part: float = 1.0  # Share of the slip that friction depends on.
 
     def at(self, s: Array) -> Array:
-        """Return the bound of elements that slip by s in a step."""
+        """Return the bound of elements with slip s in a step."""
         return self.of_slip(self.part / self.h * np.maximum(s, 0.0))
 
     def slope(self, s: Array) -> Array:
         """Return γ at the slip s."""
         s = np.maximum(s, 0.0)
         step = DIFFERENCE * (s + (float(s.max(initial=0.0)) or self.h))
-        with np.errstate(invalid="ignore"):  # Of bonded elements.
+        with np.errstate(invalid="ignore"):  # For bonded elements.
             return np.nan_to_num(self.k0 * (self.at(s + step) - self.at(s)) / step)
 
     def within(self, extend: Callable[[Array], Array], cut: Callable[[Array], Array]) -> Self:
-        """Return the law of fields that are extended to those of this one, and cut from them."""
+        """Return the law for fields that are mapped by `extend` to fields of this law, and back."""
         of_slip = self.of_slip
         return replace(self, of_slip=lambda s: cut(of_slip(extend(s))))
 
     def change(self, now: Any, areas: Areas, q: Array, v: Array, g: Array) -> tuple[Array, Array]:
-        """Return tractions that change by v, to be scaled, and the sizes they are to have.
+        """Return tractions changed by v, to be scaled, and the magnitudes to scale them to.
 
-        Where elements slide that is the bound of the slip that the linear system predicts.
+        Where elements slide, that is the bound for the slip that the linear system predicts.
         """
         n, rho, slide = now.law.T.n, size(q), areas.slide
         along_n = along(v, n)
@@ -199,19 +199,19 @@ class SlipLaw:
 
 @dataclass(frozen=True)
 class Problem:
-    """Find tractions whose slip s = A q - b obeys Coulomb's law."""
+    """Find tractions whose slip s = A q - b satisfies Coulomb's law."""
 
     grid: Grid
     g: Array  # Traction bound.
-    # (components, ...): the displacements, were there no slip, by what is given of the motion.
+    # (components, ...): the displacements without slip, from the given part of the motion.
     b: Array
-    tolerance: float  # The violation that is allowed, over the largest displacement or `least`.
-    least: float = 0.0  # A displacement below which none counts as the largest.
+    tolerance: float  # The allowed violation, over the largest displacement or `least`.
+    least: float = 0.0  # Lower limit for the scale of the displacements.
     progress: Progress | None = None
-    falling: SlipLaw | None = None  # How the bound depends on the slip; then g is that without any.
+    falling: SlipLaw | None = None  # If the bound depends on the slip; g is then that without slip.
 
     def coarser(self, coarsest: int | None = None) -> "Problem | None":
-        """Return the problem on elements of twice the size, to be solved roughly, or None."""
+        """Return the problem on elements of twice the size with a loose tolerance, or None."""
         grid = self.grid.coarser(coarsest)
         if grid is None:
             return None
@@ -220,7 +220,7 @@ class Problem:
         return Problem(grid, g, b, COARSE, self.least, progress)
 
     def restrict(self, C: Array) -> "Problem":
-        """Return the problem on the elements in contact only, as one axis."""
+        """Return the problem on the elements in contact only, as fields with one axis."""
         falling = self.falling and self.falling.within(partial(extend, C), itemgetter(C))
         return replace(self, g=self.g[C], b=np.ascontiguousarray(self.b[:, C]), falling=falling)
 
@@ -236,20 +236,20 @@ class Problem:
 
     @cached_property
     def carriers(self) -> Array:
-        """The share of each element in what is added to carry a load: less where it bears little.
+        """The weight of each element in changes that carry a load; smaller for small bounds.
 
-        Tractions on a small bound would turn by any angle otherwise, and never settle.
+        Otherwise tractions with a small bound would turn by any angle, and never converge.
         """
         small = SMALL * largest_bound(self.g, self.vectors)
         return np.minimum(self.g / small, 1.0) if small > 0.0 else np.ones_like(self.g)
 
     @cached_property
     def largest(self) -> float:
-        """The largest displacement in contact, were there no slip."""
+        """The largest displacement in contact without slip."""
         return self.vectors.max(np.where(self.g > 0.0, size(self.b), 0.0))
 
     def uniform(self, vector: Array) -> Array:
-        """Return the components of a vector, to broadcast with fields."""
+        """Return the components of a vector, to be broadcast with fields."""
         return vector.reshape(-1, *(1,) * self.g.ndim)
 
     def excess(self, q: Array) -> float:
@@ -259,7 +259,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class State:
-    """Tractions, displacements, areas, and the unknown creepages, or the shift, of given loads."""
+    """Tractions, displacements, areas, and the unknown creepages or shift for given loads."""
 
     q: Array
     u: Array
@@ -269,7 +269,7 @@ class State:
     iterations: tuple[int, ...] = ()
 
     def extend(self, C: Array) -> "State":
-        """Return the state on a grid, where it is one on the elements in contact."""
+        """Return the state on a grid from one on the elements in contact."""
         whole = partial(extend, C)
         areas = Areas(whole(self.areas.stick), whole(self.areas.slide))
         return replace(self, q=whole(self.q), u=whole(self.u), areas=areas)
@@ -277,21 +277,21 @@ class State:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """Coulomb's law about some tractions."""
+    """Coulomb's law linearised about some tractions."""
 
     T: Tangent
     minus_slip: Array  # b - A q.
-    stiffness: Array  # λ = |s|/g where it slides against the traction.
-    r: Array  # What Newton's step is to remove.
-    scale: float  # The largest displacement, were there no slip.
-    residual: float  # The largest violation, relative to that.
-    # Of friction that depends on the slip, the size of the traction and γ where it slides.
+    stiffness: Array  # λ = |s|/g where an element slides against the traction.
+    r: Array  # The residual for Newton's step.
+    scale: float  # The largest displacement without slip.
+    residual: float  # The largest violation, relative to `scale`.
+    # For friction that depends on the slip: the bound, and γ where elements slide.
     bound: Array | None = None
     slope: Array | None = None
     k0: float = 0.0
 
     def remove(self, dq: Array, du: Array, T: Tangent, stiffness: Array) -> Array:
-        """Return what changes of tractions and displacements, (k, components, ...), remove of r."""
+        """Return the reductions of r by changes of tractions and displacements, k each."""
         rows = stiffness * dq
         rows += du
         T.project_each(rows)
@@ -303,21 +303,21 @@ class Linearisation:
         return rows
 
     def of_slip(self, u: Array) -> Array:
-        """Return what a change u of the slip alone, (k, components, ...), adds to r."""
+        """Return the change of r by changes u of the slip, (k, components, ...)."""
         return self.remove(np.zeros_like(u), u, self.T, np.zeros(()))
 
 
 def linearise(
     problem: Problem, areas: Areas, q: Array, u: Array, T: Tangent | None = None
 ) -> Linearisation:
-    """Linearise Coulomb's law about the tractions q, with the displacements u = A q.
+    """Linearise Coulomb's law about the tractions q with displacements u = A q.
 
-    The directions T in which they may change may be known.
+    The directions T in which they may change can be given.
     """
     vectors = problem.vectors
     T = T or Tangent(areas, q)
     minus_slip = problem.b - u
-    against = along(minus_slip, T.n)  # Eq. 3 wants the slip to oppose the traction.
+    against = along(minus_slip, T.n)  # By Eq. 3 the slip opposes the traction.
     r = T(minus_slip, against)
     scale = max(problem.least, problem.largest)
     violation = max(vectors.max(size(r)), -vectors.min(against))
@@ -339,7 +339,7 @@ def linearise(
 
 
 def admit(problem: Problem, q: Array, slide: Array) -> tuple[Array, Areas]:
-    """Return admissible tractions and areas from some that are nearly so."""
+    """Return admissible tractions and areas near the given ones."""
     g = problem.g
     contact = g > 0.0
     q = np.where(contact, q, 0.0)

@@ -1,14 +1,14 @@
-"""The search for the areas of stick and slip: of bodies that are shifted, and of bodies that roll.
+"""The search for the areas of stick and slip, for bodies that are shifted or roll.
 
-The elements that stick, and those that slide, are two sets. While these are fixed, Newton's method
-linearises Coulomb's law: on an element that slides the traction turns on the circle |q| = g, and
-the slip resists that with λ = |s|/g, so that a step v of the tractions solves
+Elements stick or slide. While the two sets are fixed, Newton's method linearises Coulomb's law: on
+a sliding element the traction moves along the circle |q| = g, and the slip resists with λ = |s|/g,
+so that a step v of the tractions solves
 
     Tᵀ (K + Λ) T v = Tᵀ (b - K q)
 
-with T the tangent vectors. Each step is solved as far as the sets are known to be right, then the
-sets change. K is A of bodies that are shifted, and A - S of bodies that roll steadily; what makes a
-step of it is `conjugate`, `iteration` or `newton`. Progress is a smaller residual.
+with the tangent vectors T. Each step is solved as accurately as the sets are known, then the sets
+change. K is A for shifted bodies, and A - S for steady rolling; `conjugate`, `iteration` and
+`newton` compute the steps. Progress means a smaller residual.
 """
 
 from dataclasses import replace
@@ -28,24 +28,24 @@ from toeplitz_mg.contact.tangential.loads import (
     look,
 )
 
-EXACT = 0.1  # Part of the tolerance by which displacements in the end may be off.
-HOPE = 5  # Steps without progress, after which each is made in part only.
-UNCARRIED = 1e-3  # Part of the loads that the areas do not carry, beyond which others must.
-TIGHTER = 0.1  # Factor of the misfit that a step leaves, at one without progress.
-LEAST_ETA = 1e-4  # Least misfit that a step leaves, over what is wrong with the sets.
-DAMPED = 0.5  # That part.
-BETTER = 0.9  # Factor of the least residual so far, below which a new one is progress.
+EXACT = 0.1  # Allowed final error of displacements, as a share of the tolerance.
+HOPE = 5  # Steps without progress, after which steps are damped.
+UNCARRIED = 1e-3  # If the areas leave a larger share of the loads uncarried, they change.
+TIGHTER = 0.1  # Factor for the misfit that a step leaves, after one without progress.
+LEAST_ETA = 1e-4  # Smallest misfit that a step leaves, relative to the error of the sets.
+DAMPED = 0.5  # Factor of damped steps.
+BETTER = 0.9  # A residual is progress if below this multiple of the smallest so far.
 
 
 class Step(Protocol):
-    """What makes a step of Newton's method, as if the areas were fixed."""
+    """Computes a step of Newton's method for fixed areas."""
 
     def __call__(
         self, now: Look, areas: Areas, q: Array, u: Array, eta: float
     ) -> tuple[Array, Array | None, int]:
-        """Return a change of the tractions, its displacements where known, and the iterations.
+        """Return a change of the tractions, its displacements if known, and the iterations.
 
-        The misfit that it leaves may be `eta` times what is wrong with the areas.
+        The misfit that it leaves may be `eta` times the error of the areas.
         """
 
 
@@ -58,19 +58,19 @@ def settle(
     patience: int,
     dtype: DTypeLike = np.float64,
 ) -> State:
-    """Change tractions and areas until they obey Coulomb's law, or are no better for long.
+    """Change tractions and areas until they satisfy Coulomb's law, or stop improving.
 
     Parameters
     ----------
     problem, loads
-        The loads are those that are given in the place of a shift or of creepages.
+        `loads` are the loads that are given instead of a shift or creepages.
     K : Products
         Products with A, or with A - S.
     guess : (ndarray, Areas)
-        Admissible tractions and areas.
+        Initial admissible tractions and areas.
     step, patience
-        What makes a step; changes of the areas without a smaller residual, after which it is given
-        up.
+        Computes a step; the number of changes of the areas without a smaller residual after which
+        the search is given up.
     dtype : float32 or float64
         The precision of products with changes of the tractions.
     """
@@ -89,7 +89,7 @@ def settle(
         state = State(q, displacements.u, areas, now.creepages, now.residual, iterations)
         if best is None or state.residual < best.residual:
             best = state
-        if K.exhausted:  # It is the last search.
+        if K.exhausted:  # This is the last search.
             return replace(best, iterations=iterations)
         if now.residual <= problem.tolerance or left == 0:
             return state
@@ -99,7 +99,7 @@ def settle(
         v, Kv, count = step(now, areas, q, displacements.u, eta)
         iterations = (*iterations, count)
         if left <= patience - HOPE:
-            # Whole steps may go round in a circle, where elements turn out wrong in either area.
+            # Full steps may cycle, if elements turn out wrong in either area.
             v, Kv = DAMPED * v, Kv if Kv is None else DAMPED * Kv
         bound, before, q = g, q, q + v
         out = areas.stick & (size(q) > g)

@@ -1,20 +1,20 @@
-"""Where the search for the steady state of rolling starts: from the leading edge, or from sliding.
+"""Initial guesses for steady rolling: from the leading edge, or from sliding.
 
-*From the leading edge backwards*, as Kalker's simplified theory does: from one element to the next
-the tractions grow as they would without slip, and where they exceed the bound they are cut to it.
+*From the leading edge backwards*, as in Kalker's simplified theory: from one element to the next
+the tractions grow as they would without slip, and are cut to the bound where they exceed it.
 
-*From bodies that slide*, where loads are given and friction carries little more. There the loads
-hardly depend on how large the creepages are, and creepages that grow step by step are taken back
-wherever elements turn out to stick. But where all slides the tractions are g times the direction of
-minus the slip, b + Uξ - u (Eq. 3), so that of displacements u that are known the creepages ξ follow
-from the loads, a few equations without any product. The displacements are those of the tractions of
-before: at first there are none where the slip is large that is given in b, and else those of
-sliding by the creepages of which the loads would be the largest.
+*From bodies that slide*, if loads are given and close to what friction can carry. There the loads
+hardly depend on the magnitude of the creepages, and creepages that grow step by step would be taken
+back whenever elements turn out to stick. If all elements slide, the tractions are g times the
+direction of minus the slip, b + Uξ - u (Eq. 3). For known displacements u, the creepages ξ then
+follow from the loads, by a few equations without any product. The displacements are those of the
+previous tractions: at first zero if the slip given in b is large, otherwise those of sliding by the
+creepages with the largest loads.
 
-Elements that stick are found from here one after the other. On a line where some do the solution
-on the next coarser grid is the better start: from there 1 of 1,300 lines takes more than 2.5 times
-the products of given creepages, and from here 1 of 60. On a surface slip may turn around the
-elements that stick, which are others on a coarser grid.
+From here, elements that stick are found one after the other. For line contacts in which some stick,
+the solution on the next coarser grid is a better start: 1 of 1,300 cases takes more than 2.5 times
+the products of given creepages, instead of 1 of 60. On a surface, slip may turn around the sticking
+elements, which differ on a coarser grid.
 """
 
 from collections.abc import Iterable
@@ -27,34 +27,34 @@ from toeplitz_mg.contact.tangential.law import Areas, Problem, admit, direction,
 from toeplitz_mg.contact.tangential.loads import Complement, Loads, inner_products
 from toeplitz_mg.engine.vectors import Vectors
 
-# Part of the bound beyond which elements are taken to slide, where some exceed it: tractions that
-# are cut elsewhere are carried by others.
+# If some elements exceed the bound, those above this share of it are taken to slide, since they
+# carry what is cut elsewhere.
 NEARLY = 0.6
-NEAR = 0.9  # Part of the loads that friction carries beyond which little sticks.
-# What the loads lack of that, over what an element carries, below which hardly an element sticks.
+NEAR = 0.9  # Above this share of the friction limit, loads leave little that sticks.
+# If loads lack less than this share of an element's load to the limit, hardly an element sticks.
 HARDLY = 0.1
-# Slip that no unknown creepage takes away, over what the bound displaces in an element by itself,
-# beyond which little sticks.
+# If the slip that no unknown creepage can cancel, over the displacement of an element by its bound,
+# exceeds this, little sticks.
 FAST = 4.0
-ROUNDS = 3  # Most products.
-SETTLED = 0.03  # Change of the tractions, over the largest bound, after which there is no more.
-# Such a change beyond which the displacements follow by that part only: where some elements nearly
-# stick, tractions there turn to and fro.
+ROUNDS = 3  # Limit of products.
+SETTLED = 0.03  # Change of the tractions, over the largest bound, at which the iteration ends.
+# Above this change the displacements are damped: where elements nearly stick, their tractions
+# oscillate.
 WILD, DAMPED = 0.5, 0.5
-# Creepages of much load, over those of the slip that there is, from which a root is searched for.
+# Initial creepages for root finding, over those that cause the present slip.
 FACTORS = 3.0, 10.0, 30.0, 1.0, 100.0
-# Loads that are missing, over what an element carries of them, where it is an element that sticks:
-# slip turns around it, and no sliding tractions have the loads.
+# If the missing loads exceed this share of an element's load, that element sticks: slip turns
+# around it, and no sliding tractions have the loads.
 STICKING = 1.0
-MOST = 100  # Evaluations of the equations from each of those.
+MOST = 100  # Evaluations of the equations for each initial value.
 
 
 def roll_backwards(bonded: Array, g: Array) -> tuple[Array, Array]:
-    """Return tractions that grow as those without slip, within the bound, and where they slide.
+    """Return tractions that grow as without slip, within the bound, and the elements that slide.
 
-    Those without slip are `bonded`, and g is the bound.
+    `bonded` are the tractions without slip, g is the bound.
     """
-    q = bonded[0] if len(bonded) == 1 else bonded[0] + 1j * bonded[1]  # In the plane.
+    q = bonded[0] if len(bonded) == 1 else bonded[0] + 1j * bonded[1]  # As complex numbers.
     growth = q.copy()
     growth[:-1] -= q[1:]
     now, sizes = np.zeros_like(q[0]), np.empty(g.shape)
@@ -73,14 +73,14 @@ def roll_backwards(bonded: Array, g: Array) -> tuple[Array, Array]:
 def guess_sliding(
     problem: Problem, loads: Loads, K: Products, *, only_start: bool
 ) -> tuple[Array, Areas] | None:
-    """Return tractions and areas to start from; None where some elements stick for certain.
+    """Return initial tractions and areas, or None if some elements certainly stick.
 
-    `only_start` says that there is no other start, as that from a coarser grid where some stick.
+    `only_start` says that there is no other initial guess, such as from a coarser grid.
     """
     vectors, g, inside = problem.vectors, problem.g, problem.g > 0.0
     if vectors.count(np.isinf(g)) or not (loads.carried(g, vectors) > 0.0).all():
         return None
-    if vectors.count(g) == 1:  # It sticks, as it carries the loads.
+    if vectors.count(g) == 1:  # A single element carries the loads, so it sticks.
         return None
     least = NEAR if only_start else 1.0 - HARDLY / vectors.count(g)
     units, b = (np.where(inside, x, 0.0) for x in (loads.units, problem.b))
@@ -122,7 +122,7 @@ def guess_sliding(
     if creepages is None:
         return None
     if len(q) == 1:
-        # Tractions of sliding along x alone are those of any creepage, so an element sticks.
+        # Tractions of sliding along x only do not depend on the creepage, so an element sticks.
         length = np.where(inside, size(b - u + vectors.combine(creepages, units)), np.inf)
         inside &= length > -vectors.max(-length)
     return admit(problem, q, inside)
@@ -131,14 +131,14 @@ def guess_sliding(
 def _find_creepages(
     loads: Loads, g: Array, units: Array, rest: Array, starts: Iterable[Array], vectors: Vectors
 ) -> Array | None:
-    """Return creepages by which sliding tractions have the loads, from some near by, if any."""
-    from scipy.optimize import root  # It is slow to import.
+    """Return creepages for which sliding tractions have the loads, or None."""
+    from scipy.optimize import root  # Slow to import.
 
     carried = loads.carried(g, vectors)
     elements = vectors.count(g)
     lengths = np.array([vectors.sum(g * size(unit)) for unit in units])
     of_rest = vectors.sum(g * size(rest)) or 1.0
-    # In units of creepages that slip as much as there is.
+    # In units of creepages that cause the present slip.
     scale = of_rest / np.where(lengths > 0.0, lengths, 1.0)
 
     def miss(x: Array) -> Array:
