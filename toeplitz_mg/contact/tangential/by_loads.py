@@ -1,11 +1,10 @@
-"""Creepages for given loads, from the loads of the steady states of some.
+"""Creepages for given loads, found by root finding over steady states.
 
-This is for where tractions, areas and creepages do not settle all at once: where little sticks,
-few elements say what the creepages are; and where friction without any slip does not carry the
-loads, as with a film of oil. Of given creepages there is always a steady state, and its loads
-depend on them. One creepage is bracketed: it lowers the load, and where friction falls it is the
-least with this load that is found. Of two or three, on which the loads depend smoothly, Powell's
-hybrid method does the rest.
+This is the last resort if tractions, areas and creepages do not converge together: if little
+sticks, so that few elements determine the creepages; and if friction without slip does not carry
+the loads, as with a lubricant. For given creepages there is always a steady state, whose loads
+depend on them. A single creepage is bracketed; if friction falls, the smallest one with this load
+is sought. For two or three, Powell's hybrid method is used.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,22 +22,22 @@ from toeplitz_mg.contact.tangential.law import Problem, State, direction, size
 from toeplitz_mg.contact.tangential.loads import Loads
 from toeplitz_mg.engine.vectors import VECTORS
 
-FIRST_STEP = 0.1  # Longest first step, in creepages that make the bodies slide.
-STEPS = 40  # Steps of the bracket, each twice as long.
-SLIPS = np.geomspace(1e-8, 1e4, 193)  # Slips over the distance rolled that friction is tried at.
+FIRST_STEP = 0.1  # Largest first step, relative to creepages at which the bodies slide.
+STEPS = 40  # Steps of the bracket, each twice as long as the one before.
+SLIPS = np.geomspace(1e-8, 1e4, 193)  # Slips over the distance rolled at which friction is tried.
 
-ACCURATE = 10.0  # Tolerances that may be missing of a load that friction carries by its slip only.
+ACCURATE = 10.0  # Allowed error, in tolerances, of a load that only friction with slip carries.
 
-# From creepages, and a state near by, to their steady state.
+# Maps creepages, and a state near by, to their steady state.
 Solve = Callable[[Array, State | None], State]
 
 
 class _Ends(Exception):
-    """The loads are those that are given, to the accuracy, or no state is found."""
+    """The loads are accurate enough, or no state was found."""
 
 
 class _Beyond(Exception):
-    """A creepage carries more than the load that is given."""
+    """A creepage carries more than the given load."""
 
 
 def search_creepages(
@@ -51,15 +50,15 @@ def search_creepages(
     accuracy: float,
     slides: tuple[Array, Array] | None = None,
 ) -> tuple[State, Array]:
-    """Return a steady state with loads near those that are given, and its creepages.
+    """Return a steady state with loads near the given ones, and its creepages.
 
-    The search starts from some creepages, and a state near them. Of a load the part `accuracy` may
-    be missing. `slides`, each creepage by which bodies slide and the bound then, may be known.
+    The search starts from creepages and a state near them. The relative error of a load may be
+    `accuracy`. `slides` are the creepages at which bodies slide, and the bound there, if known.
     """
-    from scipy.optimize import brentq, root  # They are slow to import.
+    from scipy.optimize import brentq, root  # Slow to import.
 
     vectors = problem.vectors
-    if slides is None:  # The slip displaces as much as the tractions of bodies that slide.
+    if slides is None:  # The slip displaces as much as the tractions of sliding bodies.
         lengths = [vectors.max(size(unit)) for unit in loads.units]
         yields = [vectors.max(size(K(problem.g * direction(unit)))) for unit in loads.units]
         slides = np.array(yields) / lengths, problem.g
@@ -79,7 +78,7 @@ def search_creepages(
         missing: Array = loads.missing(state.q, vectors) / carried
         return missing
 
-    @cache  # Another state to start from gives another rounding, and at zero another sign.
+    @cache  # Another initial state changes the rounding, and at zero the sign.
     def miss_one(x: float) -> float:
         return float(miss(np.array([x]))[0])
 
@@ -96,11 +95,11 @@ def search_creepages(
 def _bracket(
     miss: Callable[[float], float], first: float, grows: bool
 ) -> tuple[float, float] | None:
-    """Return creepages with too little and with too much of the load, the nearest, or None.
+    """Return the closest creepages with too little and too much of the load, or None.
 
-    Where friction does not fall the load grows with the creepage, but for rounding.
+    If friction does not fall, the load grows with the creepage up to rounding.
     """
-    from scipy.optimize import minimize_scalar  # It is slow to import.
+    from scipy.optimize import minimize_scalar  # Slow to import.
 
     sign = 1.0 if miss(first) > 0.0 else -1.0
     before = last = beyond = first
@@ -115,7 +114,7 @@ def _bracket(
 
     for _ in range(STEPS):
         try:
-            if lack(last - sign * step) >= lack(last) and not grows:  # The most is between.
+            if lack(last - sign * step) >= lack(last) and not grows:  # The maximum lies between.
                 ends = sorted((before, last - sign * step))
                 minimize_scalar(lack, bounds=ends, method="bounded", options={"xatol": 1e-3})
                 return None
@@ -132,15 +131,15 @@ def roll_by_creepages(
     creepages: Array,
     state: State | None,
 ) -> State:
-    """Return the steady state of creepages in the place of loads, from one near by."""
+    """Return the steady state for creepages instead of loads, starting from one near by."""
     problem = replace(problem, b=problem.b + problem.vectors.combine(creepages, loads.units))
-    # Without any slip there are no tractions: no guess is nearer.
+    # Without slip the tractions are zero, so no guess is needed.
     guess = (state.q, state.areas) if state and problem.largest > 0.0 else None
     return find(problem, Loads(loads.units[:0], loads.arms[:0], loads.wanted[:0]), guess)
 
 
 def find_by_slip(find: Callable[..., State], K: Products, problem: Problem, loads: Loads) -> State:
-    """Return the steady state with loads that friction without any slip does not carry."""
+    """Return the steady state for loads that friction without slip does not carry."""
     solve = partial(roll_by_creepages, partial(follow, find, K), problem, loads)
     start, slides = _guess_creepages(problem, loads)
     accuracy = ACCURATE * problem.tolerance
@@ -151,7 +150,7 @@ def find_by_slip(find: Callable[..., State], K: Products, problem: Problem, load
 def check_loads(
     names: Sequence[str], loads: Loads, q: Array, result: TangentialResult, tolerance: float
 ) -> None:
-    """Refuse tractions q whose loads are not those that are given: say how near they come."""
+    """Raise an error, which says how close they are, unless tractions q have the given loads."""
     missing, error = loads.missing(q, VECTORS), loads.error(q, VECTORS)
     if error > ACCURATE * tolerance:
         found = ", ".join(
@@ -166,9 +165,9 @@ def check_loads(
 
 
 def _guess_creepages(problem: Problem, loads: Loads) -> tuple[Array, tuple[Array, Array]]:
-    """Return where creepages of the loads begin, those at which bodies slide, and the bound then.
+    """Return initial creepages, the creepages at which bodies slide, and the bound there.
 
-    The search for one begins without any, so that it finds the least.
+    A search for a single creepage starts from zero, so that it finds the smallest.
     """
     law = problem.falling
     assert law is not None
@@ -184,6 +183,6 @@ def _guess_creepages(problem: Problem, loads: Loads) -> tuple[Array, tuple[Array
     enough = np.array(powers) >= wanted
     slip = law.h * SLIPS[int(np.argmax(enough if enough.any() else powers))]
     bound = np.where(np.isfinite(problem.g), law.at(slip * v), 0.0)
-    # Beside what slides, the bodies yield.
+    # In addition to sliding, the bodies deform.
     units = (slip + law.k0 * vectors.max(bound)) / lengths
     return (-towards * units if len(units) > 1 else 0.0 * units), (units, bound)

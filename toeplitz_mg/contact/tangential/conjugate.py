@@ -1,9 +1,8 @@
-"""Steps by conjugate gradients where the matrix is symmetric: of bodies that are shifted (Eq. 2-3).
+"""Conjugate gradient steps for bodies that are shifted, whose matrix is symmetric (Eq. 2-3).
 
-The system of Newton's method on fixed areas (see `settling`) is symmetric positive definite among
-the changes that leave the loads as they are. Conjugate gradients solve it on the elements in
-contact, mostly in single precision, to the accuracy at which the areas, or the linearisation, are
-known to be wrong.
+For fixed areas, the system of Newton's method (see `settling`) is symmetric positive definite on
+the changes that preserve the loads. Conjugate gradients solve it on the elements in contact, mostly
+in single precision, to the accuracy at which the areas or the linearisation are known.
 """
 
 from functools import cached_property
@@ -19,17 +18,17 @@ from toeplitz_mg.contact.tangential.loads import Complement, Loads, Look, comple
 from toeplitz_mg.engine.conjugate_gradients import ConjugateGradients
 from toeplitz_mg.operators import apply_to_rows
 
-LOCAL = 0.5  # Part of 1/a₀ added to M where elements slide, where M alone is too small.
-MOST = 200  # Iterations on fixed areas, after which rounding keeps them from the rest.
-SINGLE = 1e-5  # Reduction of the misfit for which single precision is good.
-SHARP = 0.3  # Part of the tolerance beyond which no areas are solved more exactly.
+LOCAL = 0.5  # Multiple of 1/a₀ added to M where elements slide, where M is too small.
+MOST = 200  # Limit of iterations for fixed areas; rounding prevents further progress.
+SINGLE = 1e-5  # Largest reduction of the misfit in single precision.
+SHARP = 0.3  # Areas are solved no more accurately than this share of the tolerance.
 
 
 class ConjugateSteps:
-    """Steps of Newton's method on the elements in contact, by conjugate gradients.
+    """Newton steps on the elements in contact, by conjugate gradients.
 
-    Problem, loads and products are of these elements; `whole` is the grid, the matrix on it, and a
-    mask of them.
+    Problem, loads and products are for these elements; `whole` is the grid, its matrix, and the
+    mask of the elements.
     """
 
     def __init__(
@@ -39,7 +38,7 @@ class ConjugateSteps:
 
     @cached_property
     def _M(self) -> Any:
-        """The approximate inverse: a first guess may be good enough, so that none is needed."""
+        """The approximate inverse, built on demand: an initial guess may be accurate enough."""
         return invert_on(*self._whole)
 
     def __call__(
@@ -55,7 +54,7 @@ class ConjugateSteps:
         )
         grid, matrix, _ = self._whole
         a0, slide = grid.diagonal(matrix), areas.slide
-        # Where a step before was no progress, double precision is to tell what is left.
+        # After a step without progress, double precision determines the rest.
         dtype = M.dtype if eta == 1.0 else np.dtype(np.float64)
         misfit = vectors.max(np.abs(law.r)) or 1.0
         T, lam = law.T.astype(dtype), np.minimum(law.stiffness, STIFFEST * a0).astype(dtype)
@@ -63,7 +62,7 @@ class ConjugateSteps:
         keep = keep_loads.astype(dtype)
         r = keep((law.r / misfit).astype(dtype))
         v, Av, Ad = (np.zeros_like(r) for _ in range(3))
-        # Where elements slide, λ adds to A, and M, so scaled, is too small for what is smooth.
+        # Where elements slide, λ adds to A, and the scaled M is too small for smooth fields.
         weight = np.where(slide, 1.0 / np.sqrt(1.0 + law.stiffness / a0), 1.0).astype(dtype)
         local = np.where(slide, LOCAL / a0, 0.0).astype(dtype)
 
@@ -78,8 +77,8 @@ class ConjugateSteps:
         iteration, count = ConjugateGradients(multiply, precondition, vectors), 0
         least = max(SHARP * problem.tolerance * law.scale / misfit, SINGLE * (dtype == np.float32))
         while count < MOST and not A.exhausted:
-            # Three things may be wrong with the areas, and with the linearisation: |q| > g where it
-            # sticks, |q| > g where it slides (the circle is curved), and slip along the traction.
+            # Three errors of areas and linearisation: |q| > g where it sticks, |q| > g where it
+            # slides (the circle is curved), and slip along the traction.
             excess = a0 * problem.excess(q + misfit * v)
             slipping = law.minus_slip - misfit * Av
             slipping = self._less_shift(keep_loads, slipping)
@@ -88,17 +87,17 @@ class ConjugateSteps:
                 break
             length = iteration.step(r)
             if length == 0.0:
-                break  # The rest is below the rounding of elements with far larger bounds.
+                break  # The rest is below the rounding error of elements with far larger bounds.
             v = vectors.axpy(length, iteration.direction, v)
             Av = vectors.axpy(length, Ad, Av)
             r = vectors.axpy(-length, iteration.product, r)
             count += 1
-        # Single precision leaves the tangents, and the loads, by its rounding.
+        # Rounding in single precision violates the tangents and the loads slightly: correct this.
         v = keep_loads(law.T(misfit * v.astype(np.float64)))
         return v, misfit * Av.astype(np.float64), count
 
     def _less_shift(self, keep_loads: Complement, slipping: Array) -> Array:
-        """Return minus a slip, less the uniform one that suits it where loads are given."""
+        """Return minus a slip, less the uniform slip that fits it best if loads are given."""
         if not len(self._loads.wanted):
             return slipping
         shift = keep_loads.coordinates(slipping)

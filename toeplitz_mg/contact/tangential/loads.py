@@ -1,8 +1,7 @@
-"""Loads that are given in the place of creepages, and what is wrong with tractions then.
+"""Loads that are given instead of creepages, and the errors of tractions then.
 
-The creepages that belong to the loads are unknowns as the tractions are, and each step is for all
-at once. A change of the tractions takes up what is missing of the loads, and the creepages are
-those that leave the least slip.
+The unknown creepages are found together with the tractions, in the same steps. A change of the
+tractions adds what is missing of the loads, and the creepages minimise the slip.
 """
 
 from dataclasses import dataclass, replace
@@ -29,24 +28,24 @@ from toeplitz_mg.contact.tangential.law import (
 from toeplitz_mg.contact.tangential.motion import BeyondBound
 from toeplitz_mg.engine.vectors import Vectors
 
-CARRYING = 8  # Attempts to restore the loads without a product: the rest is left to the next step.
-CONTRADICT = 1e-12  # Part of loads that is carried which is rounding: they contradict each other.
-NEARLY = 0.8  # Part of a load that is carried above which the creepages that are given matter.
-CARRIED = 1e-12  # Part of the loads that is missing which is rounding.
-DEPENDENT = 1e-12  # Relative size below which a field is taken for a combination of others.
+CARRYING = 8  # Attempts to restore the loads without a product; the next step does the rest.
+CONTRADICT = 1e-12  # Loads carried to this accuracy are consistent; otherwise they contradict.
+NEARLY = 0.8  # Above this share of the limit of a load, the given creepages matter.
+CARRIED = 1e-12  # Missing share of the loads that counts as rounding.
+DEPENDENT = 1e-12  # Relative size below which a field counts as a combination of others.
 
 
 def inner_products(fields: Array, v: Array, vectors: Vectors) -> Array:
-    """Return the inner products of some fields, or of none, with another."""
+    """Return the inner products of several fields (or none) with another."""
     if not len(fields):
         return np.zeros(0)
     return vectors.dots(fields.reshape(len(fields), -1), v.reshape(-1))
 
 
 class Complement:
-    """The fields that are orthogonal to some others, of shape (m, components, ...).
+    """The fields orthogonal to some others, of shape (m, components, ...).
 
-    With weights what is added to a field is in proportion to them, as if a change cost less there.
+    With weights, corrections are proportional to the weights, as if changes cost less there.
     """
 
     def __init__(self, fields: Array, vectors: Vectors, weights: Array | None = None) -> None:
@@ -56,7 +55,7 @@ class Complement:
         self._inverse = _invert(gram) if len(fields) else np.zeros((0, 0))
 
     def adding(self, added: Array) -> "Complement":
-        """Return the same by other fields that are added, which have these products with them."""
+        """Return the same complement, reached by adding `added`, fields with known products."""
         other = object.__new__(Complement)
         other.__dict__.update(self.__dict__)
         other._added = added
@@ -70,11 +69,11 @@ class Complement:
         return other
 
     def coordinates(self, v: Array) -> Array:
-        """Return the weights of the fields in the combination of them that is nearest to v."""
+        """Return the coefficients of the combination of the fields that is nearest to v."""
         return self._inverse @ inner_products(self._fields, v, self._vectors)
 
     def reach(self, products: Array) -> Array:
-        """Return the least field with these inner products with the fields."""
+        """Return the smallest field with these inner products with the fields."""
         return self._vectors.combine(self._inverse @ products, self._added)
 
     def __call__(self, v: Array) -> Array:
@@ -85,13 +84,13 @@ class Complement:
 
 
 def _invert(gram: Array) -> Array:
-    """Return the inverse of a few inner products, of fields that may depend on each other."""
+    """Return the inverse of a small Gram matrix of fields that may be linearly dependent."""
     sizes = np.sqrt(gram.diagonal())
     sizes[sizes == 0.0] = 1.0
     scale = sizes[:, None] * sizes
     cosines = gram / scale
     factor, fails = dpotrf(cosines)
-    # The squares are what each field has in common with none before it.
+    # The squares of the parts of each field that are independent of the previous fields.
     if fails or not (factor.diagonal() ** 2 > DEPENDENT).all():
         return np.linalg.pinv(cosines, DEPENDENT) / scale
     inverse, _ = dtrtri(factor)
@@ -100,10 +99,10 @@ def _invert(gram: Array) -> Array:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads that are given in the place of creepages."""
+    """Loads that are given instead of creepages."""
 
-    # (m, components, ...): the displacements in a step, were there no slip, by a unit of each
-    # unknown creepage: minus the rigid slip.
+    # (m, components, ...): the displacements in a step without slip, per unit of each unknown
+    # creepage; this is minus the rigid slip.
     units: Array
     # (m, components, ...): fields whose inner products with the tractions are the loads.
     arms: Array
@@ -111,9 +110,9 @@ class Loads:
 
     @classmethod
     def of_sums(cls, total: Array | None, like: Array) -> "Loads":
-        """Return loads that are sums of the tractions, which a uniform shift of each belongs to.
+        """Return loads that are sums of the tractions; a uniform shift belongs to each.
 
-        The total is NaN in a component in which none is given, or None; `like` is a field.
+        The total is None, or NaN in components in which none is given; `like` is a field.
         """
         total = np.full(len(like), np.nan) if total is None else total
         given = np.flatnonzero(total == total)
@@ -122,7 +121,7 @@ class Loads:
         return cls(units, units, total[given])
 
     def restrict(self, C: Array) -> "Loads":
-        """Return the loads of the elements in contact only, as one axis."""
+        """Return the loads for the elements in contact only, as fields with one axis."""
         return Loads(self.units[..., C], self.arms[..., C], self.wanted)
 
     def coarser(self, grid: Any, coarse: Problem, longer: float = 1.0) -> "Loads":
@@ -131,11 +130,11 @@ class Loads:
             np.array([grid.coarsen(f) for f in fields]).reshape(len(fields), *coarse.b.shape)
             for fields in (self.units, self.arms)
         )
-        # An element has more of the loads.
+        # A larger element has more of the loads.
         return Loads(longer * units, coarse.grid.area / grid.area * arms, self.wanted)
 
     def spread(self, g: Array, vectors: Vectors) -> Array:
-        """Return tractions with these loads in proportion to the bound; bonded elements' first."""
+        """Return tractions with these loads, proportional to the bound; bonded elements first."""
         bonded = np.isinf(g)
         share = bonded.astype(np.float64) if vectors.count(bonded) else g
         return Complement(self.arms, vectors, share).reach(self.wanted)
@@ -145,10 +144,10 @@ class Loads:
         q = np.where(g > 0.0, q, 0.0)
         if not len(self.wanted):
             return clip(q, g)
-        from scipy.optimize import minimize  # It is slow to import.
+        from scipy.optimize import minimize  # Slow to import.
 
-        # They are q + c arms, clipped, with c the least of a convex function: its slope is what
-        # the loads lack.
+        # They are q + c arms, clipped, where c minimises a convex function whose gradient is the
+        # missing loads.
         lengths = np.sqrt([vectors.dot(arm, arm) for arm in self.arms])
         arms = self.arms / lengths.reshape(-1, *(1,) * q.ndim)
         unit = np.sqrt(vectors.dot(q, q)) or 1.0
@@ -168,43 +167,44 @@ class Loads:
 
     @cached_property
     def _lengths(self) -> Array:
-        """The lengths of the arms, of shape (m, ...)."""
+        """The norms of the arms, of shape (m, ...)."""
         return np.array([size(arm) for arm in self.arms])
 
     def missing(self, q: Array, vectors: Vectors) -> Array:
-        """Return what is missing of the loads."""
+        """Return the missing part of the loads."""
         return self.wanted - inner_products(self.arms, q, vectors)
 
     def share(self, g: Array, vectors: Vectors) -> float:
-        """Return the loads over the largest of the same proportions that a traction bound carries.
+        """Return the loads divided by the largest ones of the same ratio that a bound can carry.
 
-        Where they are carried for certain it is a bound of that, below 1.
+        If they are certainly carried, an upper bound below 1 is returned.
         """
         most = self.carried(g, vectors)
         shares = self._shares(most)
         if len(shares) < 2 or not min(most) > 0.0 or vectors.count(np.isinf(g)):
             return float(np.abs(shares).max(initial=0.0))
-        # Parts of the bound, each in the direction of one load, which brings some of the others.
+        # Distribute the bound among the loads; the share of one adds to the others as well.
         brought = [inner_products(self.arms, g * direction(arm), vectors) for arm in self.arms]
         of_parts = np.array(brought) / most
         parts, *_ = np.linalg.lstsq(of_parts.T, shares)
         total = float(np.abs(parts).sum())
         if np.allclose(parts @ of_parts, shares) and total < 1.0:
-            return total  # It may be less, but it is enough to know that.
+            return total  # An upper bound, which is sufficient.
         return self.find_limit(g, vectors)[0]
 
     def find_limit(self, g: Array, vectors: Vectors) -> tuple[float, Array]:
-        """Return what `share` does, exactly, and the slip by which the most is carried.
+        """Return the exact value of `share`, and the slip at which the most is carried.
 
-        Tractions of sliding by any creepages c carry the most in the direction of c: with them the
-        product of the loads with c is the sum h(c) of g times the size of the slip. The least h(c)
-        of all c whose product with the loads is 1 is what is carried of them.
+        For a slip by creepages c, sliding tractions carry the most in the direction of c: the
+        product of the loads with c is h(c), the sum of g times the magnitude of the slip. The
+        smallest h(c) among all c whose product with the loads is 1 is the largest multiple of the
+        loads.
         """
         most = self.carried(g, vectors)
         shares = self._shares(most)
         if not shares.any() or not (most > 0.0).all():
             return float(np.abs(shares).max(initial=0.0)), np.zeros_like(self.arms[0])
-        from scipy.optimize import minimize  # It is slow to import.
+        from scipy.optimize import minimize  # Slow to import.
 
         arms = self.arms / most.reshape(-1, *(1,) * (self.arms.ndim - 1))
         start, others = shares / (shares @ shares), null_space(shares[None])
@@ -221,14 +221,14 @@ class Loads:
         return (1.0 / least if least > CONTRADICT else np.inf), slip
 
     def carried(self, g: Array, vectors: Vectors) -> Array:
-        """Return what a traction bound carries of each load alone."""
+        """Return the largest value of each load on its own for a traction bound."""
         lengths = self._lengths
-        # Where there is no arm, an infinite bound carries nothing either.
+        # Where the arm is zero, an infinite bound carries nothing either.
         most = [vectors.sum(np.where(length > 0.0, g, 0.0) * length) for length in lengths]
         return np.array(most)
 
     def _shares(self, most: Array) -> Array:
-        """Return the loads over what is carried of each alone."""
+        """Return the loads divided by the largest value of each on its own."""
         pairs = zip(self.wanted.tolist(), most.tolist(), strict=True)
         return np.array([(a / b if b else np.inf) if a else 0.0 for a, b in pairs])
 
@@ -247,9 +247,9 @@ class Loads:
             )
 
     def check_beside(self, g: Array, b: Array, vectors: Vectors) -> None:
-        """Refuse a single load that no creepage gives beside the slip of those that are given.
+        """Raise an error for a single load that no creepage gives with the slip of the given ones.
 
-        That is a moment: its arm ends half an element behind where its spin slips.
+        This is a moment: its arm ends half an element behind the point of the spin's slip.
         """
         if len(self.wanted) != 1 or vectors.count(np.isinf(g)):
             return
@@ -261,8 +261,8 @@ class Loads:
             )
 
     def _limit_beside(self, g: Array, b: Array, vectors: Vectors) -> float:
-        """Return the most that sliding by the slip in b and any unknown creepage carries."""
-        from scipy.optimize import minimize_scalar  # It is slow to import.
+        """Return the largest load for sliding by the slip in b plus any unknown creepage."""
+        from scipy.optimize import minimize_scalar  # Slow to import.
 
         contact, sign = g > 0.0, float(np.sign(self.wanted[0]))
         unit, given = (np.where(contact, x, 0.0) for x in (self.units[0], b))
@@ -272,17 +272,17 @@ class Loads:
             slip = np.cos(angle) / longest[0] * unit + np.sin(angle) / longest[1] * given
             return sign * float(inner_products(self.arms, g * direction(slip), vectors)[0])
 
-        # From creepages that are large and of one sign to those of the other.
+        # From large creepages of one sign to large ones of the other.
         ends = (0.0, np.pi)
         between = minimize_scalar(lambda angle: -carry(angle), bounds=ends, method="bounded")
         return max(*map(carry, ends), carry(float(between.x)))
 
     def error(self, q: Array, vectors: Vectors) -> float:
-        """Return the largest part of a load that is missing, of what tractions of a sign give."""
+        """Return the largest missing share of a load, relative to tractions of one sign."""
         if not len(self.wanted):
             return 0.0
         missing = np.abs(self.missing(q, vectors))
-        # A load of zero has the scale of the others, in the unit of its own tractions.
+        # A zero load is scaled like the others, in the unit of its own tractions.
         carried = inner_products(self._lengths, size(q), vectors)
         scale = np.maximum(carried, np.abs(self.wanted))
         return float(np.max(missing / np.where(scale > 0.0, scale, 1.0)))
@@ -290,19 +290,19 @@ class Loads:
 
 @dataclass(frozen=True)
 class Look:
-    """What is wrong with tractions whose creepages are unknown, as far as loads are given."""
+    """The errors of tractions, with the creepages that suit them best if loads are given."""
 
-    law: Linearisation  # Coulomb's law, with the creepages that suit the tractions best.
-    creepages: Array  # Those of them that are unknown.
-    b: Array  # The displacements in a step, were there no slip, with these creepages.
+    law: Linearisation  # Coulomb's law with these creepages.
+    creepages: Array  # The unknown ones of them.
+    b: Array  # The displacements in a step without slip, with these creepages.
     # Of the slip by unknown creepages, in the directions in which the tractions may change.
     of_slip: Complement
-    missing: Array  # What is missing of the loads.
+    missing: Array  # The missing part of the loads.
     residual: float
 
 
 def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Look:
-    """Say what is wrong with tractions q, with the displacements u = K q."""
+    """Return the errors of tractions q with displacements u = K q."""
     vectors = problem.vectors
     if not len(loads.wanted):
         law = linearise(problem, areas, q, u)
@@ -318,14 +318,14 @@ def look(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Lo
 
 
 def find_displacements(problem: Problem, loads: Loads, areas: Areas, q: Array, u: Array) -> Array:
-    """Return the displacements, were there no slip, with the creepages that suit tractions best."""
+    """Return the displacements without slip, with the creepages that suit the tractions best."""
     if not len(loads.wanted):
         return problem.b
     return _suit(problem, loads, Tangent(areas, q), u)[-1]
 
 
 def _suit(problem: Problem, loads: Loads, T: Tangent, u: Array) -> tuple[Complement, Array, Array]:
-    """Return the slip that the creepages leave, those that leave least, and b with them."""
+    """Return the complement, the creepages that minimise the slip, and b with them."""
     of_slip = complement(loads.units, T, problem.vectors)
     creepages = of_slip.coordinates(T(u - problem.b))
     return of_slip, creepages, problem.b + problem.vectors.combine(creepages, loads.units)
@@ -341,7 +341,7 @@ def complement(
 
 
 def carry(problem: Problem, loads: Loads, areas: Areas, q: Array) -> Array:
-    """Change tractions so that they carry the loads, as far as they can in these areas."""
+    """Change tractions so that they carry the loads, as far as possible with these areas."""
     vectors = problem.vectors
     for _ in range(CARRYING if len(loads.wanted) else 0):
         if loads.error(q, vectors) <= CARRIED:

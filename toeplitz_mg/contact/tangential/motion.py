@@ -1,16 +1,16 @@
-"""How the bodies roll: creepages that are given, and those that belong to given forces.
+"""The motion of rolling bodies: given creepages, and those that belong to given forces.
 
-The rigid slip over the distance rolled, at x, y from the pole, is
+The rigid slip divided by the distance rolled, at x, y from the pole, is
 
-    w = (ξ - φ y, η + φ x) + the field that is given,
+    w = (ξ - φ y, η + φ x) + the given field,
 
-with the creepages ξ, η and the spin φ. Each has a load that works on it: Fx, Fy and the moment
-about the pole. Either of the two is given, and the other is found.
+with the creepages ξ, η and the spin φ. Each has a conjugate load: Fx, Fy and the moment about the
+pole. For each pair, one is given and the other is found.
 
-The slip of a step belongs to the middle of that step, half an element ahead of where it stands
-(`rolling`). So the spin of the elements is one about a point half an element ahead of the pole, and
-the moment that works on it has the arm x - h/2: with the arm x Kalker's C₃₃ is 70 % off on 128²
-elements of an ellipse ten times as long as it is wide, with this arm 2 %.
+The slip of a step belongs to the middle of the step, half an element ahead of its element
+(`rolling`). So the spin acts about a point half an element ahead of the pole, and the moment has
+the arm x - h/2. With the arm x, Kalker's C₃₃ has an error of 70 % on 128² elements for an ellipse
+ten times as long as wide; with this arm, 2 %.
 """
 
 from dataclasses import dataclass
@@ -29,28 +29,28 @@ from toeplitz_mg.contact.results.quantities import CREEPAGES
 from toeplitz_mg.contact.tangential.law import size
 from toeplitz_mg.values import field, finite, in_range, in_unit, refuse_masked
 
-DEPENDENT = 1e-12  # Slip by a unit of spin, over the size of an element, that is rounding.
-LARGEST = 1e15  # The largest creepage, beside which nothing is left of displacements.
+DEPENDENT = 1e-12  # A slip by unit spin, over the element size, that counts as rounding.
+LARGEST = 1e15  # Largest creepage; with larger ones, displacements would be lost in rounding.
 LOADS = ("the force along x", "the force along y", "the moment")
 
 
 class BeyondBound(ValueError):
-    """Loads that a traction bound cannot carry."""
+    """Loads that exceed what a traction bound can carry."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Creepages, loads and the pole, as they are given."""
+    """The given creepages, loads and pole."""
 
-    # Longitudinal, lateral, spin; None where the load is given.
+    # Longitudinal, lateral, spin; None if the load is given.
     creepages: tuple[float | None, ...]
-    # The forces along x and y, and the moment; None where the creepage is given.
+    # The forces along x and y, and the moment; None if the creepage is given.
     loads: tuple[float | None, ...]
-    # The point about which the bodies spin, from the middle of the grid, mm.
+    # The point about which the bodies spin, relative to the middle of the grid, mm.
     pole: tuple[float, float] = (0.0, 0.0)
-    # (components, ...): more rigid slip over the distance rolled.
+    # (components, ...): additional rigid slip divided by the distance rolled.
     slip: Array | None = dataclass_field(default=None, compare=False)
-    # Of the tractions: "x" in line contact where nothing is lateral, else "xy".
+    # Directions of the tractions: "x" in line contact without lateral motion or load, else "xy".
     directions: str = "xy"
 
     @classmethod
@@ -65,9 +65,9 @@ class Motion:
         *,
         beside_lateral: bool = False,
     ) -> Self:
-        """Return the motion that was given for fields of a shape, or say what is wrong with it.
+        """Return the motion for fields of a shape, or raise an error.
 
-        Tractions beside it, of a guess or before, may be lateral in line contact.
+        `beside_lateral` says that other tractions (a guess or previous ones) have two components.
         """
         moment = in_unit("moment", moment, "N*mm")
         creepages = tuple(map(in_unit, CREEPAGES, creepages, ("", "", "1/mm")))
@@ -106,19 +106,19 @@ class Motion:
 
     @property
     def unknown(self) -> tuple[int, ...]:
-        """The numbers of the creepages that are to be found."""
+        """The indices of the creepages to be found."""
         return tuple(k for k, value in enumerate(self.creepages) if value is None)
 
     @property
     def wanted(self) -> Array:
-        """The loads that are given."""
+        """The given loads."""
         return np.array([self.loads[k] for k in self.unknown], dtype=np.float64)
 
     def find_sliding(self, grid: Any, g: Array) -> Array | None:
-        """Return the sum of the tractions where a given force lets all slide, or None.
+        """Return the sum of the tractions if a given force makes all elements slide, or None.
 
-        A force that is more than the bound g carries is refused as in friction. Beside a moment it
-        is `check_loads` that refuses it.
+        A force that exceeds the bound g is refused as in friction. With a moment, `check_loads`
+        refuses it.
         """
         forces = [F or 0.0 for F in self.loads[: grid.components]]
         if self.loads[2] is not None or not any(forces):
@@ -128,7 +128,7 @@ class Motion:
         return total if all_slides else None
 
     def check_loads(self, grid: Any, g: Array, bearer: str = "friction") -> None:
-        """Refuse loads that the bearer's bound g cannot carry, so that the bodies slide off."""
+        """Raise an error for loads that the bearer's bound g cannot carry."""
         if not self.unknown:
             return
         forces = [F or 0.0 for F in self.loads[:2]]
@@ -138,7 +138,7 @@ class Motion:
             arm = _arms(grid, self.pole)[2]
             arms["moment"], wanted["moment"] = np.hypot(*arm), abs(self.loads[2])
         for name, load in wanted.items():
-            # Where there is no arm, an infinite bound carries nothing either.
+            # Where the arm is zero, an infinite bound carries nothing either.
             carried = np.where(arms[name] > 0.0, g, 0.0) * arms[name]
             most = grid.area * grid.vectors.sum(carried)
             if load and not load < most:
@@ -150,7 +150,7 @@ class Motion:
             self._check_spin(grid, g)
 
     def _check_spin(self, grid: Any, g: Array) -> None:
-        """Refuse a moment where a spin slips nothing, unless nothing is to give a moment."""
+        """Refuse a moment if a spin causes no slip, unless no moment can arise."""
         slips = np.hypot(*unit_slips(grid, self.pole)[2]) > DEPENDENT * max(grid.element)
         lateral = self.loads[1] or self.creepages[1] or self.slip is not None
         if not (self.loads[2] or lateral) or not grid.vectors.count(g):
@@ -162,7 +162,7 @@ class Motion:
             )
 
     def doubts(self, grid: Any, found: Any) -> tuple[str, ...]:
-        """Return those about creepages, and about a moment beside much of a lateral force."""
+        """Return warnings about creepages, and about a moment with a large lateral force."""
         about = examine_creepages(np.ravel(found.creepages).tolist(), found.area)
         moment = self.loads[2]
         if moment is None or not found.area:
@@ -173,7 +173,7 @@ class Motion:
         return about + examine_moment(moment, off, most, found.stick_area / found.area)
 
     def rigid_slip(self, grid: Any) -> Array:
-        """Return the rigid slip over the distance rolled by all that is given (Eq. 1)."""
+        """Return the rigid slip, divided by the distance rolled, of everything given (Eq. 1)."""
         units = unit_slips(grid, self.pole)
         w = np.zeros_like(units[0])
         for value, unit in zip(self.creepages, units, strict=False):
@@ -182,12 +182,12 @@ class Motion:
         return w if self.slip is None else w + self.slip
 
     def largest_slip(self, grid: Any, contact: Array) -> float:
-        """Return the largest rigid slip in contact by each part that is given, added up.
+        """Return the sum of the largest rigid slips in contact of all given parts.
 
-        It is zero where creepages are all that is given: they do not cancel each other.
+        It is zero if only creepages are given, since these do not cancel.
         """
         if self.slip is None and not self.unknown:
-            return 0.0  # Of a small case each call is a part of the time.
+            return 0.0  # Saves time for small problems.
         given = [
             (abs(value), unit)
             for value, unit in zip(self.creepages, unit_slips(grid, self.pole), strict=False)
@@ -201,19 +201,19 @@ class Motion:
         )
 
     def units(self, grid: Any) -> Array:
-        """Return the rigid slip over the distance rolled by a unit of each unknown creepage."""
+        """Return the rigid slip over the distance rolled, per unit of each unknown creepage."""
         return self._stack(unit_slips(grid, self.pole))
 
     def arms(self, grid: Any) -> Array:
-        """Return the fields whose inner products with the tractions are the loads given."""
+        """Return the fields whose inner products with the tractions are the given loads."""
         return grid.area * self._stack(_arms(grid, self.pole))
 
     def work(self, grid: Any, q: Array, creepages: Array) -> tuple[Array, float]:
-        """Return the forces and, on a surface, the moment of tractions, and the power they lose.
+        """Return the forces and, on a surface, the moment of tractions, and the dissipated power.
 
-        The power is that of the loads on the creepages, over the speed of rolling. In the steady
-        state it is what slip dissipates, and far more exact than the sum of q·s over the elements,
-        of which those at the trailing edge are large and of both signs.
+        The power is that of the loads with the creepages, divided by the rolling speed. In the
+        steady state it equals the dissipation by slip, and is far more accurate than the sum of
+        q·s, whose terms at the trailing edge are large and of both signs.
         """
         arms = _arms(grid, self.pole)
         loads = np.array([grid.area * grid.vectors.sum(q * arm) for arm in arms])
@@ -225,14 +225,14 @@ class Motion:
         return loads, power
 
     def complete(self, found: Array) -> Array:
-        """Return all creepages, those that were found in their places."""
+        """Return all creepages, with the found ones inserted."""
         creepages = list(self.creepages)
         for k, value in zip(self.unknown, found.tolist(), strict=True):
             creepages[k] = value
         return np.array(creepages, dtype=np.float64)
 
     def _stack(self, fields: tuple[Array, ...]) -> Array:
-        """Return the fields that belong to the unknown creepages, of shape (m, components, ...)."""
+        """Return the fields of the unknown creepages, of shape (m, components, ...)."""
         if not self.unknown:
             return np.zeros((0, *fields[0].shape))
         return np.stack([fields[k] for k in self.unknown])
@@ -240,9 +240,9 @@ class Motion:
 
 @keep
 def unit_slips(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
-    """Return the rigid slip over the distance rolled by one unit of each creepage.
+    """Return the rigid slip, divided by the distance rolled, per unit of each creepage.
 
-    On a surface the last is the spin.
+    On a surface the last one is the spin.
     """
     centres = np.meshgrid(*grid.centres(), indexing="ij")
     units = list(np.zeros((grid.components, grid.components, *centres[0].shape)))
@@ -257,7 +257,7 @@ def unit_slips(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
 
 
 def _arms(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
-    """Return the fields whose inner products with the tractions, by area, are the loads."""
+    """Return the fields whose inner products with the tractions, times the area, are the loads."""
     *units, last = unit_slips(grid, pole)
     if len(units) < 2:
         return *units, last
@@ -265,13 +265,13 @@ def _arms(grid: Any, pole: tuple[float, float]) -> tuple[Array, ...]:
 
 
 def _half_behind(w: Array) -> Array:
-    """Return a field half an element behind along the last axis, as the arm of the moment is."""
+    """Return a field half an element behind along the last axis, for the arm of the moment."""
     before = 2.0 * w[..., :1] - w[..., 1:2] if w.shape[-1] > 1 else w
     return 0.5 * (w + np.concatenate([before, w[..., :-1]], axis=-1))
 
 
 def _read_force(is_line: bool, force: Any) -> tuple[float | None, float | None]:
-    """Return the forces along x and y, None where they are not given."""
+    """Return the forces along x and y; None if not given."""
     if force is None:
         return None, None
     if is_line and np.ndim(refuse_masked("force", force)) == 0:
@@ -288,7 +288,7 @@ def _read_force(is_line: bool, force: Any) -> tuple[float | None, float | None]:
 
 
 def _read_slip(shape: tuple[int, ...], slip: ArrayLike) -> Array:
-    """Return a field of rigid slip, with its components first."""
+    """Return a field of rigid slip with its components first."""
     w = field("slip", in_order("slip", slip), "")
     allowed = [(2, *shape)]
     if len(shape) == 1:

@@ -1,11 +1,11 @@
-"""Steps of Newton's method where the elements in contact are few, and the matrix is an array.
+"""Newton steps for few elements in contact, with the matrix stored as an array.
 
-The search knows the elements in contact only, as one axis. The unknowns of its linear systems are
-the slip that may be left where elements slide, as the inverse of the matrix is at hand. They are
-solved in single precision, which leaves a part of some 1e-6 of each to the next one.
+Fields contain only the elements in contact and have one axis. The unknowns of the linear systems
+are the slip of sliding elements, since the inverse of the matrix is available. They are solved in
+single precision, so each step leaves some 1e-6 of the residual.
 
-Bodies that roll start from the leading edge. The growth of the tractions is that of bonded bodies
-here, so that the start is exact where nothing slips.
+Bodies that roll start from the leading edge. Here the growth of the tractions is that of bonded
+bodies, so the initial guess is exact where nothing slips.
 """
 
 import numpy as np
@@ -28,17 +28,17 @@ def find_directly(
     guess: tuple[Array, Areas] | None,
     patience: int,
 ) -> State:
-    """Find the state from the matrix K as an array, or how far the areas settle.
+    """Find the state with the matrix K as an array, or as far as the areas converge.
 
     The other arguments are those of `settling.settle`, on a grid. Without a guess the search starts
-    from the leading edge backwards.
+    from the leading edge.
     """
     C = problem.g > 0.0
     few = loads.restrict(C)
     on_contact = problem.restrict(C)
     if guess is None:
         q, slide = np.zeros(problem.b.shape), np.zeros(C.shape, bool)
-        if not len(loads.wanted):  # Where loads are given, something must stick to carry them.
+        if not len(loads.wanted):  # For given loads, some elements must stick to carry them.
             q[:, C] = array.solve(on_contact.b.reshape(-1)).reshape(on_contact.b.shape)
             q, slide = roll_backwards(q, problem.g)
         guess = admit(problem, q, slide)
@@ -58,10 +58,10 @@ def find_directly(
 
 
 def _combine(v: Array, arms: Array, wanted: Array) -> Array:
-    """Return the first field, and of the others what makes its products with arms as wanted."""
+    """Return the first field, plus multiples of the others for the wanted products with arms."""
     first, others = v[0], v[1:]
     if len(wanted):
-        # Units differ, and where too little sticks nothing restores the loads.
+        # Units differ, and if too little sticks, nothing restores the loads.
         rows, columns = arms.reshape(len(arms), -1), others.reshape(len(others), -1)
         sizes = [np.linalg.norm(x, axis=1) for x in (rows, columns)]
         of_arms, of_others = (np.where(s > 0.0, s, 1.0) for s in sizes)
@@ -80,14 +80,14 @@ def _newton_step(now: Look, areas: Areas, K: DenseMatrix, loads: Loads) -> Array
         return _combine(v, loads.arms, now.missing)
     r = np.concatenate([law.r[None] / scale, loads.units])
     stiffness = np.minimum(law.stiffness, STIFFEST * K.array[0, 0])
-    # Loads are to be restored to their last digit.
+    # Loads are restored to full accuracy.
     v = solve_on_tangents(K, areas, law.T.n, stiffness, r, precisely=len(loads.wanted) > 0)
     v[0] *= scale
     return _combine(v, loads.arms, now.missing)
 
 
 def _solve_with_slope(K: DenseMatrix, law: Linearisation, r: Array) -> Array:
-    """Return changes of tractions whose sizes depend on the slip, which remove r."""
+    """Return changes of tractions whose magnitude depends on the slip, which remove r."""
     _, components, m = r.shape
     identity = np.eye(components * m).reshape(-1, components, m)
     stiffness = np.minimum(law.stiffness, STIFFEST * K.array[0, 0])
@@ -103,17 +103,17 @@ def solve_on_tangents(
 ) -> Array:
     """Return tangents v for which r - (K + λ) v is orthogonal to all tangents.
 
-    Each direction is a tangent where it sticks, the one across the traction where it slides. Where
-    the system is singular it is no solution: then the areas do not settle.
+    Where it sticks, each direction is a tangent; where it slides, the one perpendicular to the
+    traction. If the system is singular, the result is no solution, and the areas do not converge.
 
     Parameters
     ----------
     K, areas
-        The matrix of m elements, and where these stick and slide.
+        The matrix for m elements, and where these stick and slide.
     n : ndarray of shape (components, m)
-        The directions of the tractions where it slides.
+        Directions of the tractions where it slides.
     stiffness : ndarray of shape (m,)
-        λ, which is of no matter where it sticks.
+        λ, which is ignored where it sticks.
     r : ndarray of shape (k, components, m)
     precisely : bool
         Whether to solve in double precision.
@@ -123,16 +123,16 @@ def solve_on_tangents(
     exact, stiffness = n[:, slid], stiffness[slid]
     n = exact.astype(inverse.dtype)
     r = r.reshape(len(r), -1).astype(inverse.dtype)
-    # Find f = r - K v, which is zero where it sticks: then v is K⁻¹ (r - f).
+    # Find f = r - K v, which is zero where it sticks; then v is K⁻¹ (r - f).
     v = r @ inverse.T
     if not len(slid):
         return v.astype(np.float64).reshape(len(r), len(n), m)
     unknowns = np.concatenate([slid + k * m for k in range(len(n))])
-    # Each row has the coefficients of an unknown. Rows are gathered fast, columns are not.
+    # Each row has the coefficients of an unknown: gathering rows is faster than gathering columns.
     system = np.ascontiguousarray(inverse.take(unknowns, axis=0).T).take(unknowns, axis=0)
     right, s = v.take(unknowns, axis=1), len(slid)
     if len(n) == 2:
-        # Along the traction v is zero, and across it f = λ v, which is divided by k₀ + λ.
+        # Along the traction v is zero; perpendicular to it f = λ v, which is divided by k₀ + λ.
         x, y = n
         share = (stiffness / (k0 + stiffness)).astype(n.dtype)
         for rows in (system, right):
@@ -147,11 +147,11 @@ def solve_on_tangents(
     r[:, unknowns] -= f
     v = r @ inverse.T
     if len(n) == 2:
-        # Where λ is large what is left of v by cancellation is rounding: there it is f/λ.
+        # Where λ is large, v loses its digits by cancellation; f/λ is accurate.
         across = x * f[:, s:] - y * f[:, :s], x * v[:, slid + m] - y * v[:, slid]
         turns = np.where(stiffness > k0, across[0] / np.maximum(stiffness, k0), across[1])
         v[:, slid], v[:, slid + m] = -y * turns, x * turns
     v = v.astype(np.float64).reshape(len(r), len(n), m)
-    # What rounding leaves along the tractions is taken out.
+    # Remove rounding errors along the tractions.
     v[..., slid] -= exact * (exact * v[..., slid]).sum(axis=1)[:, None]
     return v
