@@ -78,9 +78,9 @@ class TangentialResult(GridResult):
         The dissipated power or work. In `rolling`, the power divided by the speed, N, from forces
         and creepages. In the steady state this is more exact than the sum of -q·s over the sliding
         elements, but with spin on one or two elements it may be negative. In `rolling_steps` it is
-        that sum, as the bodies also store energy. In friction it is the work of the slip since the
-        previous tractions, N mm; in plane strain N. That sum is exact if each element slides in one
-        direction under its present bound.
+        that sum, as the bodies also store energy. In friction that sum is the work of the slip
+        since the previous tractions, N mm; in plane strain N. It is exact if each element slides in
+        one direction under its present bound.
     products : int
         Products with the matrix for the smallest rectangle around the elements in contact.
     work : float
