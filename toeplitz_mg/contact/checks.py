@@ -15,7 +15,7 @@ from toeplitz_mg.engine.vectors import Vectors
 from toeplitz_mg.values import count, field, finite, in_range, positive, real
 
 # Relative distance of a force from the friction limit at which all elements count as sliding. The
-# last sticking element is then below any grid, and its force below the default tolerance.
+# last sticking element is then below the size of any grid, its force below the default tolerance.
 SLIDES = 1e-9
 ALIKE = 1e-9  # Relative difference of equal material constants, which may have been computed.
 ROUNDING = 1e-14  # Relative excess of a force over the largest one that counts as rounding.

@@ -226,7 +226,7 @@ class Grid:
     def upstream(self) -> ToeplitzOperator | CoupledOperator:
         """Return the matrix of the tangential displacements one element ahead, at x + h1.
 
-        When the contact rolls towards positive x, what is here now was there one step before.
+        When the contact rolls towards positive x, a point here now was there one step before.
         """
         return self._matrix(1)
 

@@ -171,9 +171,9 @@ def wheel_rail(
         raise ValueError(f"the grid reaches {np.abs(x).max():g} mm along x, beyond the wheel")
     tilt, high = np.cos(angle - turn), np.sqrt(r**2 - x**2)
     gap = local[0] - local[1] + tilt * (r - high)
-    # A yaw turns the wheel about the normal by this angle, and else about its own axle.
+    # A yaw rotates the wheel by this angle about the normal, and otherwise about its own axle.
     twist, thinner = attack * np.cos(turn) / tilt, -np.sin(angle - turn) - tilt * slopes[0]
-    rise = slopes[0] + tilt * (1.0 - r / high) * thinner  # Of the wheel, across the rail.
+    rise = slopes[0] + tilt * (1.0 - r / high) * thinner  # Slope of the wheel across.
     gap += twist * x * (tilt * across / high - rise)
     gap = np.where(np.isfinite(gap), gap, np.inf)
     return WheelRail(gap, angle, point, rolling)

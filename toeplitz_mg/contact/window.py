@@ -29,7 +29,7 @@ def box_around(grid: Any, ends: Iterable[tuple[int, int]], margin: float) -> Box
     """Return the slices between the ends along each axis, plus a margin; everything if empty."""
     box = []
     for (first, end), n, repeats in zip(ends, grid.shape, grid.periodic, strict=True):
-        if repeats or first >= end:  # The end elements are neighbours, or there are none inside.
+        if repeats or first >= end:  # The end elements are neighbours, or it is empty.
             first, end = 0, n
         more = int(margin * (end - first))
         box.append(slice(max(0, first - more), min(n, end + more)))

@@ -97,7 +97,7 @@ class NormalFit:
 
     See Also
     --------
-    ToeplitzNormal
+    ToeplitzNormal : the distribution; its `fit` returns this.
     """
 
     process: Any

@@ -72,8 +72,8 @@ class ToeplitzNormal:
 
     See Also
     --------
-    NormalFit : what `fit` returns.
-    toeplitz_logdet, toeplitz_inverse
+    NormalFit : the result of `fit`.
+    toeplitz_logdet, toeplitz_inverse : the same linear algebra for any Toeplitz matrix.
 
     References
     ----------

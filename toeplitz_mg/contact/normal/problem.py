@@ -80,7 +80,7 @@ def normal_contact(
         only the width: then plane strain is assumed, with forces per mm of length.
     material : Material or (Material, Material)
         One material for both bodies, or the first and the second (see `contact.Material`).
-    heights : array_like, masked array, or what `surfaces.read` returns
+    heights : array_like, masked array, or result of `surfaces.read`
         Surface heights, instead of the gap: positive at summits, pressed on a flat, with zero gap
         at the highest point. Missing heights (NaN or masked) are no material. Arrays of other
         libraries are accepted too. A file or a topography of SurfaceTopography also provides the

@@ -29,7 +29,7 @@ from toeplitz_mg.contact.tangential.motion import BeyondBound
 from toeplitz_mg.engine.vectors import Vectors
 
 CARRYING = 8  # Attempts to restore the loads without a product; the next step does the rest.
-CONTRADICT = 1e-12  # Loads carried to this accuracy are consistent; otherwise they contradict.
+CONTRADICT = 1e-12  # Loads of which at most this share can be carried contradict each other.
 NEARLY = 0.8  # Above this share of the limit of a load, the given creepages matter.
 CARRIED = 1e-12  # Missing share of the loads that counts as rounding.
 DEPENDENT = 1e-12  # Relative size below which a field counts as a combination of others.
@@ -293,7 +293,7 @@ class Look:
     """The errors of tractions, with the creepages that suit them best if loads are given."""
 
     law: Linearisation  # Coulomb's law with these creepages.
-    creepages: Array  # The unknown ones of them.
+    creepages: Array  # The unknown creepages.
     b: Array  # The displacements in a step without slip, with these creepages.
     # Of the slip by unknown creepages, in the directions in which the tractions may change.
     of_slip: Complement

@@ -30,7 +30,7 @@ from toeplitz_mg.contact.tangential.loads import (
 
 EXACT = 0.1  # Allowed final error of displacements, as a share of the tolerance.
 HOPE = 5  # Steps without progress, after which steps are damped.
-UNCARRIED = 1e-3  # If the areas leave a larger share of the loads uncarried, they change.
+UNCARRIED = 1e-3  # If a larger share of the loads is missing, tractions are changed to carry them.
 TIGHTER = 0.1  # Factor for the misfit that a step leaves, after one without progress.
 LEAST_ETA = 1e-4  # Smallest misfit that a step leaves, relative to the error of the sets.
 DAMPED = 0.5  # Factor of damped steps.

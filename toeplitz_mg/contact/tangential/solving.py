@@ -170,7 +170,7 @@ def find_steady_state(
     iterations: tuple[int, ...] = ()
     best: State | None = None
     array = grid.dense(problem.g > 0.0, steady=True)
-    # Problems too large for the direct solver have at least its size on a coarser grid.
+    # A problem too large for the direct solver is coarsened until it is small enough.
     coarsest = 1 if array is None else COARSEST
     from_coarser = partial(_guess_from_coarser_grids, problem, loads, options, coarsest)
     may_refine = guess is None and nested

@@ -1,6 +1,6 @@
 """Rolling step by step, towards the steady state or with changing bounds (Eq. 8).
 
-The contact rolls towards positive x. What is at x now was at x + h before a step of one element, so
+The contact rolls towards positive x. A point at x now was at x + h before a step of one element, so
 Eq. (8) reads, with the rigid slip w in a step,
     s = w + A q - S q',        (S q)(x) = (A q)(x + h).
 
