@@ -54,7 +54,7 @@ def rolling_steps(
     progress: Progress | None = None,
     keep: bool = True,
 ) -> RollingSteps:
-    """Roll step by step, one element per step, from given tractions (Eq. 8).
+    """Roll step by step from given tractions: one element per step (Eq. 8).
 
     Parameters
     ----------
