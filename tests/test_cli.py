@@ -295,7 +295,7 @@ def test_pictures_have_the_dots_that_are_asked_for(command, tmp_path):
 @pytest.mark.parametrize("command", [["-n", "300"], ["contact", "hertz"]])
 def test_dots_of_no_picture_are_refused(command, tmp_path, capsys):
     plot = "--plot", str(tmp_path / "x.png")
-    assert_refused(main([*command, "--dpi", "100"]), "--dpi is of the picture that --pl", capsys)
+    assert_refused(main([*command, "--dpi", "100"]), "--dpi is given, but no --plot", capsys)
     assert_refused(main([*command, *plot, "--dpi", "5"]), "--dpi is 5, but must be 10 to", capsys)
 
 

@@ -69,10 +69,10 @@ def test_hertz_is_that_of_theory(capsys):
         (["hertz", "--radius", "10", "40", "--approach", "0.003"], "force [N]", 1e-3),
         (["hertz", "--radius", "7", "3"], "approach [mm]", 1e-3),
         (["hertz", "--line"], "largest pressure [N/mm²]", 1e-3),
-        (["shift", "--nu", "0"], "part that sticks", 0.02),
-        (["shift", "--line", "--tangential", "-20"], "part that sticks", 0.05),
-        (["shift", "--shift", "1e-4", "2e-4"], "part that sticks", 0.05),
-        (["rolling", "--line", "--longitudinal", "0.001"], "that over friction's", 0.02),
+        (["shift", "--nu", "0"], "share that sticks", 0.02),
+        (["shift", "--line", "--tangential", "-20"], "share that sticks", 0.05),
+        (["shift", "--shift", "1e-4", "2e-4"], "share that sticks", 0.05),
+        (["rolling", "--line", "--longitudinal", "0.001"], "force / (mu P)", 0.02),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
@@ -133,7 +133,7 @@ def test_rolling_by_force_and_moment(capsys):
     assert run("rolling", "-n", "32", "--line", "--tangential", "10") == 0
     found = figures(capsys.readouterr().out)
     # Carter's theory has the same force and stick for the creepage that was found.
-    ours, theory = found["that over friction's"]
+    ours, theory = found["force / (mu P)"]
     assert_allclose(ours, theory, rtol=0.03)
 
 
@@ -158,7 +158,7 @@ def test_infinite_friction_bonds(options, tmp_path, capsys):
     path = tmp_path / "x.npz"
     assert run("shift", "-n", "40", "--friction", "inf", *options, "-o", str(path)) == 0
     printed, _ = capsys.readouterr().out.split("written to")
-    assert figures(printed)["part that sticks"] == [1.0, 1.0]
+    assert figures(printed)["share that sticks"] == [1.0, 1.0]
     fields = read(path)
     assert np.array_equal(fields["stick"], fields["contact"])
     assert np.array_equal(fields["bound"], np.where(fields["contact"], np.inf, 0.0))
@@ -224,7 +224,7 @@ def test_unlike_bodies_roll_with_what_they_do_to_each_other(line, tmp_path, caps
     path = tmp_path / "x.npz"
     assert run("rolling", "-n", "16", *SECOND, "--tangential", "0", *line, "-o", str(path)) == 0
     printed = capsys.readouterr().out.partition("written to")[0]
-    assert figures(printed)["that over friction's"] == [0.0]
+    assert figures(printed)["force / (mu P)"] == [0.0]
     fields = read(path)
     gap, none = round_gap(fields["contact"].shape, fields["element"]), 0.0 if line else (0.0, 0.0)
     given = {"element": fields["element"], "material": (STEEL, SOFT), "mu": 0.3, "force": 100.0}
@@ -370,9 +370,9 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
         (["rough", "FILE", "--force", "1"], "has no sizes: give --element"),
         (["rough", "FILE", "--force", "1", "--element", "0"], "--element is 0.0, but must be"),
         (["rough", "FILE", "--force", "1", "--element", "1", "--unit", "yd"], "unit is 'yd'"),
-        (["rough", "FILE", "--force", "1", "--radius", "3"], "--radius is for hertz and shift"),
-        (["rough", "FILE", "--force", "1", "-n", "64"], "-n is for hertz and shift and rolling"),
-        (["hertz", "FILE"], "is for rough, not hertz"),
+        (["rough", "FILE", "--force", "1", "--radius", "3"], "--radius is for hertz, shift and"),
+        (["rough", "FILE", "--force", "1", "-n", "64"], "-n is for hertz, shift and rolling"),
+        (["hertz", "FILE"], "is for contact rough"),
         (["hertz", "--hardness", "1"], "--hardness is for rough, not hertz"),
         (["rough", "FILE", "--force", "1", "--hardness", "0"], "--hardness is 0.0, but must be"),
         (["hertz", "--periodic"], "--periodic is for rough, not hertz"),
@@ -453,7 +453,7 @@ def test_a_surface_is_not_written_over(tmp_path, capsys):
         (["shift", "--moment", "1"], "--moment is for rolling, not shift"),
         (["rolling", "--moment", "1", "--spin", "1"], "--moment and --spin are both given"),
         (["rolling", "--tangential", "1", "--lateral", "1"], "--tangential and --lateral are both"),
-        (["rolling", "--tangential", "30"], "--tangential is 30, but must be less than 30, which"),
+        (["rolling", "--tangential", "30"], "--tangential is 30, but must be less than 30, the"),
         (["rolling", "--line", "--moment", "1"], "--moment is not for --line"),
         (["rolling", "--line", "--lateral", "1"], "--lateral is not for --line"),
         (["hertz", "-o", "x.npy"], "--output is x.npy, but must end in .npz"),

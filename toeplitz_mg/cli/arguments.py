@@ -72,18 +72,23 @@ class Option(NamedTuple):
     `values` describes its values: "number", "positive", "whole", "word", "file" or "switch" (no
     value). A digit is the largest number of values, "inf" allows infinity. `cases` are the cases of
     `contact`, or the commands for linear systems, that accept it. `help` describes it with its unit
-    and default.
+    and default; if it depends on the case, by the names of cases and commands, "" for the others.
     """
 
     values: str
     cases: tuple[str, ...]
     default: Any
-    help: str
+    help: str | dict[str, str]
 
     @property
     def type(self) -> Any:
         """The function that reads a value."""
         return TYPES[self.values.split()[0]]
+
+    def explain(self, case: str) -> str:
+        """Return the help of a case or command."""
+        of_case = {"": self.help} if isinstance(self.help, str) else self.help
+        return of_case.get(case, of_case.get("", ""))
 
     @property
     def most(self) -> int:
@@ -95,92 +100,107 @@ TYPES = {"number": float, "positive": float, "whole": whole_number, "word": str,
 TYPES |= {"switch": None}
 # fmt: off
 OF_LINEAR = {
-    "test": Option("whole", PAPER, 1, "problem (default: 1)"),
+    "test": Option("whole", PAPER, 1, "test problem of the paper (default: 1)"),
     "n": Option("whole", PAPER, 2**20, "number of elements (default: 2^20)"),
-    "output": Option("file", SOLVE, None, "solution (default: it is printed)"),
-    "mask": Option("file", SOLVE, None, "where A is restricted to: true or 1"),
-    "solver": Option("word", LINEAR, "multigrid",
-        "multigrid cycles, Richardson with a preconditioner, or conjugate gradients "
-        "(default: multigrid; of solve: cg, unless a cycle is given)"),
+    "output": Option("file", SOLVE, None, "write the solution to this file (default: print it)"),
+    "mask": Option("file", SOLVE, None, "restrict A to the elements where this file is true or 1"),
+    "solver": Option("word", LINEAR, "multigrid", {
+        "paper": "multigrid cycles, preconditioned Richardson iteration, or conjugate gradients "
+            "(default: multigrid)",
+        "solve": "multigrid cycles, preconditioned Richardson iteration, or conjugate gradients "
+            "(default: cg, or multigrid if --cycle or --smoother is given)"}),
     "preconditioner": Option("word", LINEAR, None,
-        "for richardson (default: fft-rsm) and cg (default: default, which depends on the "
-        "matrix and the mask)"),
+        "preconditioner of richardson (default: fft-rsm) or of cg (default: default, which "
+        "depends on the matrix and the mask)"),
     "cycle": Option("word", LINEAR, None,
-        "V(pre,post) or W(pre,post), at most 999 smoothing steps each "
-        "(default: V(0,1), and V(1,1) for cg)"),
-    "smoother": Option("word", LINEAR, "fft-rsm", "of the multigrid cycle (default: fft-rsm)"),
-    "rtol": Option("number", LINEAR, 1e-8, "relative residual (default: 1e-8)"),
-    "maxiter": Option("whole", LINEAR, 200, "most iterations (default: 200)"),
+        "multigrid cycle, V(pre,post) or W(pre,post) with at most 999 smoothing steps each "
+        "(default: V(0,1); V(1,1) for cg)"),
+    "smoother": Option("word", LINEAR, "fft-rsm",
+        "smoother of the multigrid cycle (default: fft-rsm)"),
+    "rtol": Option("number", LINEAR, 1e-8, "relative residual at which to stop (default: 1e-8)"),
+    "maxiter": Option("whole", LINEAR, 200, "largest number of iterations (default: 200)"),
     "seed": Option("whole", LINEAR, None,
-        "start from a random guess, as the paper does, not from zero"),
-    "plot": Option("file", LINEAR, None, "draw solution and convergence"),
-    "dpi": Option("whole", LINEAR, 150, "dots an inch of it (default: 150)"),
-    "overwrite": Option("switch", LINEAR, None, "replace files that are there already"),
-    "json": Option("switch", LINEAR, None, "print the figures as JSON, and nothing else"),
+        "start from random numbers of this seed, as the paper does (default: start from zero)"),
+    "plot": Option("file", LINEAR, None, "draw the solution and the convergence in this file"),
+    "dpi": Option("whole", LINEAR, 150, "dots per inch of the picture (default: 150)"),
+    "overwrite": Option("switch", LINEAR, None, "replace files that exist"),
+    "json": Option("switch", LINEAR, None, "print the figures as JSON and nothing else"),
 }
 OF_CONTACT = {
     "radius": Option("number 4 inf", SMOOTH, (10.0,),
-        "of the sphere, mm; of two values, the radii of curvature along x and y, of four those of "
-        "both bodies: inf where a body is straight, negative where it is concave (default: 10)"),
+        "radii of curvature, mm: one of a sphere; two along x and y; or four, x and y of the "
+        "first body and then of the second; inf where a body is straight, negative where it is "
+        "hollow (default: 10)"),
     "line": Option("switch", SMOOTH, None,
-        "line contact of a cylinder in plane strain: forces are N/mm"),
-    "force": Option("positive", CASES, None,
-        "normal force, N or N/mm (default: 100; none of rough)"),
-    "approach": Option("positive", CASES, None, "of the bodies, mm; in place of the force"),
+        "press a cylinder in plane strain; forces are then in N/mm"),
+    "force": Option("positive", CASES, None, {
+        "": "normal force, N; with --line N/mm (default: 100)",
+        "rough": "normal force, N; of a profile N/mm"}),
+    "approach": Option("positive", CASES, None,
+        "distance by which the bodies approach each other, mm; instead of --force"),
     "pressure": Option("positive", ROUGH, None,
-        "mean pressure on the grid, N/mm²; in place of the force"),
+        "mean pressure on the grid, N/mm²; instead of --force"),
     "G": Option("positive", CASES, 82000.0,
         "shear modulus of both bodies, N/mm² (default: 82000)"),
     "E": Option("positive", CASES, None,
-        "Young's modulus of both bodies, N/mm²; in place of G"),
+        "Young's modulus of both bodies, N/mm²; instead of --G"),
     "nu": Option("number", CASES, 0.28, "Poisson's ratio of both bodies (default: 0.28)"),
     "G2": Option("positive inf", CASES, None,
-        "shear modulus of the second body where it is unlike the first; inf: it is rigid"),
+        "shear modulus of the second body if it is different, N/mm²; inf if it is rigid"),
     "E2": Option("positive inf", CASES, None,
-        "Young's modulus of the second body; in place of G2"),
+        "Young's modulus of the second body, N/mm²; instead of --G2"),
     "nu2": Option("number", CASES, None,
         "Poisson's ratio of the second body (default: that of the first)"),
     "n": Option("whole", SMOOTH, 256, "elements along the longer side of the grid (default: 256)"),
     "size": Option("positive", SMOOTH, None,
-        "longer side of the grid, mm (default: 1.3 times the contact of Hertz's theory)"),
+        "longer side of the grid, mm (default: 1.3 times the contact that Hertz's theory gives)"),
     "mu": Option("positive inf", MOVED, 0.3,
         "coefficient of friction; inf bonds the bodies (default: 0.3)"),
-    "tangential": Option("number 2", MOVED, None,
-        "tangential force along x, or x and y, N or N/mm (default of shift: half of what friction "
-        "carries); of rolling in the place of the creepages along x and y, where one number leaves "
-        "none along y"),
+    "tangential": Option("number 2", MOVED, None, {
+        "shift": "tangential force along x, or along x and y, N; with --line N/mm (default: half "
+            "of what friction carries)",
+        "rolling": "tangential force along x, or along x and y, N; with --line N/mm; instead of "
+            "--longitudinal and --lateral (one number: no force along y)"}),
     "shift": Option("number 2", SHIFT, None,
-        "rigid shift along x, or x and y, mm; in place of the force"),
+        "rigid shift along x, or along x and y, mm; instead of --tangential"),
     "longitudinal": Option("number", ROLLING, None,
-        "creepage along x, the direction of rolling: rigid slip over distance "
-        "(default: -0.002 without other creepages)"),
+        "creepage along x, the direction of rolling: rigid slip over the distance rolled "
+        "(default: -0.002 if no other creepage, force or moment is given)"),
     "lateral": Option("number", ROLLING, None, "creepage along y (default: 0)"),
-    "spin": Option("number", ROLLING, None, "creepage by rotation, 1/mm (default: 0)"),
-    "moment": Option("number", ROLLING, None, "about the middle, N mm; in place of the spin"),
+    "spin": Option("number", ROLLING, None,
+        "rotation over the distance rolled, 1/mm (default: 0)"),
+    "moment": Option("number", ROLLING, None,
+        "moment about the middle of the grid, N mm; instead of --spin"),
     "tolerance": Option("positive", CASES, 1e-8,
-        "violation of the conditions of contact, relative to the largest displacement "
+        "largest violation of the conditions of contact, relative to the largest displacement "
         "(default: 1e-8)"),
     "element": Option("positive 2", ROUGH, None,
-        "size of a pixel along x, or x and y, where the file does not say it; or that at which a "
-        "profile at uneven positions is interpolated"),
+        "size of a pixel along x, or along x and y, if the file does not state it; of a profile at "
+        "uneven positions, the distance at which it is resampled"),
     "unit": Option("word 2", ROUGH, None,
-        "of heights and pixels, as um, or of each, as nm um (default: that of the file; of heights "
-        "alone mm)"),
-    "channel": Option("word", ROUGH, None, "number, from 0, or name, of several in the file"),
+        "unit of heights and pixels, as um, or one of each, as nm um (default: that of the file; "
+        "mm if it states none)"),
+    "channel": Option("word", ROUGH, None,
+        "which measurement of the file to read: its number, from 0, or its name"),
     "level": Option("word", ROUGH, None,
-        f"subtract what is nearest of {', '.join(LEVELS)} from the heights"),
-    "periodic": Option("switch", ROUGH, None, "the surface repeats, whatever the file says"),
+        f"subtract the nearest surface from the heights: {', '.join(LEVELS)}"),
+    "periodic": Option("switch", ROUGH, None,
+        "the surface repeats, also if the file does not say so"),
     "hardness": Option("positive", ROUGH, None,
         "pressure at which the softer body yields, N/mm² (default: it does not)"),
-    "output": Option("file", CASES, None, "write the fields, as arrays by name"),
-    "plot": Option("file", CASES, None, "draw the tractions and the areas of stick and slip"),
-    "dpi": Option("whole", CASES, 150, "dots an inch of the picture (default: 150)"),
+    "output": Option("file", CASES, None,
+        "write the fields to this file, as arrays by name for numpy.load"),
+    "plot": Option("file", CASES, None, {
+        "": "draw the pressures in this file",
+        "shift": "draw pressures, tractions, stick and slip in this file",
+        "rolling": "draw pressures, tractions, stick and slip in this file"}),
+    "dpi": OF_LINEAR["dpi"]._replace(cases=CASES),
     "overwrite": OF_LINEAR["overwrite"]._replace(cases=CASES),
     "json": OF_LINEAR["json"]._replace(cases=CASES),
 }
 # fmt: on
 MOST_THREADS = 1024  # More than the cores of any machine.
-THREADS = Option("whole", LINEAR, None, "threads that share the work (default: all cores)")
+THREADS = Option("whole", LINEAR, None, "number of threads (default: all cores)")
 MORE: dict[str, dict[str, Any]] = {  # Additional arguments for argparse.
     "test": {"choices": tuple(TESTS)},
     "mask": {"metavar": "MASK.npy"},
@@ -195,8 +215,8 @@ SHORT = {"n": ("-n",), "output": ("-o", "--output")}
 OTHERS = {"mu": "--friction", "tangential": "--tangential-force"}
 OF_CASE = {  # The help of each case.
     "hertz": "press a sphere, an ellipsoid or a cylinder on a flat",
-    "shift": "press it, then shift it with Coulomb friction",
-    "rolling": "press it, and let it roll steadily with Coulomb friction",
+    "shift": "press a sphere, an ellipsoid or a cylinder on a flat and shift it, with friction",
+    "rolling": "press a sphere, an ellipsoid or a cylinder on a flat and roll it, with friction",
     "rough": "press a measured surface, from a file of heights, on a flat",
 }
 # Further rules for values, of options for linear systems and for contact.
@@ -288,15 +308,18 @@ def parser() -> Parser:
     solve = commands.add_parser(
         "solve",
         help="solve a system of your own",
-        description="Solve A x = b, A symmetric positive definite Toeplitz.",
+        description="Solve A x = b with a symmetric positive definite Toeplitz matrix A.",
         epilog="Files are NumPy's (.npy) or tables of numbers in text (.txt, .csv, .dat). "
-        "X is written whole or not at all, and only where the solver has converged. " + EXIT_STATUS,
+        "X is written whole or not at all, and only if the solver has converged. " + EXIT_STATUS,
     )
     solve.add_argument(
-        "column", type=Path, metavar="COLUMN.npy", help="first column, of one or several axes"
+        "column", type=Path, metavar="COLUMN.npy", help="first column of A, of one or several axes"
     )
     solve.add_argument(
-        "rhs", type=Path, metavar="RHS.npy", help="b, on the grid or flat; with a mask also (N,)"
+        "rhs",
+        type=Path,
+        metavar="RHS.npy",
+        help="b, of the shape of the grid or flat; with --mask also (N,)",
     )
     contact = commands.add_parser(
         "contact",
@@ -329,8 +352,8 @@ def _add_cases(contact: Parser) -> dict[str, Parser]:
             case,
             help=said,
             description=f"{said[0].upper()}{said[1:]}. Units are N and mm.",
-            epilog="Files are written whole or not at all, and only where the solver has "
-            "converged. " + EXIT_STATUS,
+            epilog="Files are written whole or not at all, and only if the solver has converged. "
+            + EXIT_STATUS,
         )
         found[case].add_argument(
             "file",
@@ -338,8 +361,8 @@ def _add_cases(contact: Parser) -> dict[str, Parser]:
             type=Path,
             default=None,
             metavar="FILE",
-            help="heights, positive at summits; .npy, a table of text, or what SurfaceTopography "
-            "reads; a single column is a profile"
+            help="file of heights, positive at summits: .npy, a text table (one column is a "
+            "profile), or a file of an instrument that SurfaceTopography reads"
             if case == "rough"
             else HIDDEN,
         )
@@ -359,7 +382,7 @@ def _add(
         special = {"action": "store_true", "dest": name}
     elif option.most > 1:
         special |= {"nargs": "+", "metavar": name.upper()}
-    said = option.help if shown else HIDDEN
+    said = option.explain(parser.prog.split()[-1]) if shown else HIDDEN
     parser.add_argument(*SHORT.get(name, (f"--{name}",)), help=said, **special)
     if name in OTHERS:
         parser.add_argument(OTHERS[name], help=HIDDEN, **special)
@@ -384,7 +407,9 @@ def _check(table: Mapping[str, Option], rules: Rules, given: Mapping[str, Any], 
             continue
         flag, value = "-n" if name == "n" else f"--{name}", given[name]
         if case not in option.cases:
-            raise ValueError(f"{flag} is for {' and '.join(option.cases)}, not {case}")
+            *others, last = option.cases
+            cases = f"{', '.join(others)} and {last}" if others else last
+            raise ValueError(f"{flag} is for {cases}, not {case}")
         values = value if isinstance(value, list) else [value]
         if len(values) > option.most:
             raise ValueError(f"{flag} has {len(values)} values, but takes 1 to {option.most}")
@@ -401,7 +426,7 @@ def _check(table: Mapping[str, Option], rules: Rules, given: Mapping[str, Any], 
         if name == "plot":
             files.check_plotting(value)
     if "dpi" in given and "plot" not in given:
-        raise ValueError("--dpi is of the picture that --plot draws, which is not given")
+        raise ValueError("--dpi is given, but no --plot, whose picture it is for")
 
 
 # Linear systems ---------------------------------------------------------------------------------
@@ -511,7 +536,7 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
     """Check combinations of options."""
     for one, other in EXCLUSIVE:
         if one in options and other in options:
-            raise ValueError(f"--{one} and --{other} are both given, but one decides the other")
+            raise ValueError(f"--{one} and --{other} are both given: leave one out")
     if case == "rough" and "file" not in options:
         raise ValueError("rough needs a FILE of heights")
     if case == "rough" and not {"force", "approach", "pressure"} & options.keys():
@@ -519,7 +544,7 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
     if len(options.get("radius", ())) == 3:
         raise ValueError("--radius has 3 values, but takes 1, 2, or 4 of both bodies")
     if case != "rough" and "file" in options:
-        raise ValueError(f"a file, {options['file']}, is for rough, not {case}")
+        raise ValueError(f"a file, {options['file']}, is for contact rough, not {case}")
     has_load = "tangential" in options or "shift" in options
     if case == "shift" and math.isinf(options.get("mu", 0.0)) and not has_load:
         raise ValueError("--mu is inf: give --tangential or --shift, as nothing slides")
@@ -535,7 +560,7 @@ def _check_together(case: str, options: dict[str, Any]) -> None:
             raise ValueError(f"--{name} is not for --line: {reason}")
     if "lateral" in options:
         raise ValueError(
-            "--lateral is not for --line, which rolls along x here; contact.rolling takes it"
+            "--lateral is not for --line on the command line: call contact.rolling in Python"
         )
     for name in ("radius", "tangential", "shift"):
         if len(options.get(name, ())) > 1:

@@ -5,6 +5,7 @@ It also presses a measured surface (see `rough`).
 
 import argparse
 import math
+import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -64,7 +65,10 @@ class Hertzian:
         """Choose the grid, or raise an error if the requested grid is too small."""
         o = options
         radii = _radii(o)
-        theory = hertz(radii=radii, material=o.material, force=o.force, approach=o.approach)
+        try:
+            theory = hertz(radii=radii, material=o.material, force=o.force, approach=o.approach)
+        except ValueError as error:  # It names the arguments of `hertz`.
+            raise ValueError(re.sub(r"^radii is", "--radius is", str(error))) from error
         a, b = theory.half_axes
         if not o.line and math.isinf(max(a, b)):
             raise ValueError("--radius is straight along an axis: give --line, and one radius")
@@ -337,9 +341,9 @@ def _tangential_figures(
     unit = "N/mm" if o.line else "N"
     rows: list[tuple[str, Any, Any]] = [
         (f"tangential force [{unit}]", along, None),
-        ("that over friction's", part, force),
+        ("force / (mu P)", part, force),
         (rigid, result.rigid, None),
-        ("part that sticks", share, sticks),
+        ("share that sticks", share, sticks),
     ]
     if o.case == "rolling":
         rows.append((f"power over speed [{unit}]", result.power, None))

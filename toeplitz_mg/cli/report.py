@@ -20,8 +20,8 @@ PRESSURE, TANGENTIAL = "pressure", "tangential traction"  # Names of the results
 Solve = Callable[[str, Callable[[Progress], Any]], Any]  # Calls a solver, prints its progress.
 PATIENCE = 2.0  # Seconds after which a terminal shows that work is in progress.
 EXIT_STATUS = (
-    "Exit status: 0 converged, 1 not converged, 2 not possible, 130 interrupted, 141 nobody reads "
-    "the report any more."
+    "Exit status: 0 converged; 1 not converged, nothing is written; 2 not possible, one line says "
+    "why; 130 interrupted; 141 the reader of the output is gone."
 )
 
 

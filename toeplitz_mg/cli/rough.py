@@ -10,7 +10,7 @@ from toeplitz_mg.cli.report import PRESSURE, Solve, Waiting
 from toeplitz_mg.contact import ContactResult, NormalResult, normal_contact, surfaces
 from toeplitz_mg.contact.gaps import Heights
 
-ARGUMENT = re.compile(r"\b(channel|element|unit)=")
+ARGUMENT = re.compile(r"\b(channel|element|level|unit)(?:=|(?= is ))")
 
 
 @dataclass(frozen=True)
