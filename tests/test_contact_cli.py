@@ -380,7 +380,7 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
         (["rough", "HEADED", "--force", "1"], "needs SurfaceTopography: pip install"),
         (["rough", "POINTS", "--force", "1", "--element", "1"], "3 columns, as positions beside"),
         (["rough", "WORDS", "--force", "1", "--element", "1"], "is not a table of numbers"),
-        (["rough", "WORDS", "--force", "1", "--element", "1"], "that is missing is written nan"),
+        (["rough", "WORDS", "--force", "1", "--element", "1"], "write nan for a missing height"),
         (["rough", "LINE", "--approach", "1", "--element", "1"], "only known up to a constant"),
         (
             ["rough", "CUBE", "--force", "1", "--element", "1"],

@@ -235,7 +235,7 @@ def _is_topography(surface: Any) -> bool:
 def agree_on_unit(of: str, own: str | None, given: Unit | None) -> Any:
     """Return the unit of heights that may have their own."""
     if own is None and given is None:
-        raise ValueError(f"{of} has no unit: give unit=, as 'um'")
+        raise ValueError(f"{of} has no unit: give unit=, for example 'um'")
     if own is not None and given is not None and set(read_unit(given)) != set(read_unit(own)):
         raise ValueError(f"unit is {given!r}, but {of} is in {own!r}: leave unit= out")
     return given if own is None else own

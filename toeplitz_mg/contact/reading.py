@@ -103,7 +103,7 @@ def read(
         try:
             heights = _read_heights(path)
         except ValueError as error:
-            hint = "; a height that is missing is written nan" if ending.lower() in TEXT else ""
+            hint = "; write nan for a missing height" if ending.lower() in TEXT else ""
             refused = ValueError(f"{error}{hint}")
     periodic, is_table = False, True
     if heights is None:
@@ -271,7 +271,7 @@ def _sample(path: Path, found: _Found, element: Any) -> tuple[Array, Any]:
     if element is None:
         raise ValueError(
             f"{path} is a profile at positions that are not evenly spaced: give element=, the "
-            "distance at which it is to be interpolated"
+            "distance at which to resample it"
         )
     x, h = np.asarray(topography.positions()), positive("element", element)
     if not h < x[-1] - x[0]:
