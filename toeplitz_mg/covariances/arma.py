@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from toeplitz_mg._typing import Array
-from toeplitz_mg.covariances.base import Derivatives, Kernel, Lags
+from toeplitz_mg.covariances.base import LAGGED, Derivatives, Kernel, Lags
 from toeplitz_mg.covariances.long_memory import fractional_difference
 
 DIGITS = 60  # Of the first covariances: beside a unit root the equations for them lose many.
@@ -23,7 +23,7 @@ class LinearProcess(Kernel):
         """Refuse coefficients with a root in the unit circle."""
         for group, sign, kind in (("ar", "-", "stationary"), ("ma", "+", "invertible")):
             values = self._values(group)
-            if not has_roots_outside([float(f"{sign}1") * value for value in values]):
+            if any(abs(r) >= 1 for r in reflections([LAGGED[group] * c for c in values])):
                 raise ValueError(
                     f"{group} is {values}, but must be {kind}: the roots of 1 {sign} {group}[0] z "
                     f"{sign} {group}[1] z² {sign} … must lie outside the unit circle"
@@ -106,16 +106,29 @@ class ARFIMA(LinearProcess):
         return arfima(n, d, self._values("ar"), self._values("ma"), wanted)
 
 
-def has_roots_outside(coefficients: Sequence[float]) -> bool:
-    """Whether 1 + c₁ z + c₂ z² + … has its roots outside the unit circle, by Schur and Cohn."""
+def reflections(coefficients: Sequence[float]) -> list[Decimal]:
+    """Return the reflection coefficients of 1 + c₁ z + c₂ z² + …, by Schur and Cohn.
+
+    Its roots lie outside the unit circle if all are between -1 and 1; else only the last are found.
+    """
+    found: list[Decimal] = []
     with localcontext(Context(prec=DIGITS)):
         c = [Decimal(value) for value in coefficients]
-        while c:
+        while c and all(abs(r) < 1 for r in found[:1]):
             *c, last = c
-            if abs(last) >= 1:
-                return False
-            c = [(x - last * y) / (1 - last * last) for x, y in zip(c, c[::-1], strict=True)]
-    return True
+            found.insert(0, last)
+            if abs(last) < 1:
+                c = [(x - last * y) / (1 - last * last) for x, y in zip(c, c[::-1], strict=True)]
+    return found
+
+
+def with_reflections(r: Array) -> tuple[Array, Array]:
+    """Return the coefficients c of 1 + c₁ z + c₂ z² + … from `reflections`, and ∂c/∂r."""
+    c, slopes = np.empty(0), np.empty((0, len(r)))
+    for last, row in zip(r, np.eye(len(r)), strict=True):
+        slopes = np.vstack([slopes + last * slopes[::-1] + np.outer(c[::-1], row), row])
+        c = np.append(c + last * c[::-1], last)
+    return c, slopes
 
 
 def arma(

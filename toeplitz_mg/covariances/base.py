@@ -18,7 +18,8 @@ from toeplitz_mg.values import count, finite, in_range, numbers, positive
 
 POSITIVE = (0.0, inf)
 BOUNDS = {"nu": (0.0, 100.0), "hurst": (0.0, 1.0), "d": (-1.0, 0.5)}  # Others are positive.
-LAGGED = {"ar", "ma"}  # One value per lag; the polynomial has its roots outside the unit circle.
+# Polynomials with one coefficient per lag and roots outside the unit circle; their signs.
+LAGGED = {"ar": -1.0, "ma": 1.0}
 SEVERAL = dict.fromkeys(("length", "period"), ", or one for each axis")
 SEVERAL |= dict.fromkeys(LAGGED, ", or a sequence of them")
 STEP = 6e-6  # Step of central differences relative to the parameter: eps^(1/3).
@@ -168,6 +169,17 @@ class Covariance:
     def bounds(self) -> Array:
         """The open intervals for the free parameters, of shape (p, 2)."""
         return np.array([(p.low, p.high) for p in self._free], dtype=np.float64).reshape(-1, 2)
+
+    @property
+    def polynomials(self) -> tuple[tuple[float, slice], ...]:
+        """Where in `theta` the coefficients of 1 ± c₁ z ± … stand, several and all free; ±1."""
+        free, found = [p.group for p in self._free], []
+        for group in dict.fromkeys(free):
+            lagged, size = group.rpartition(".")[2], free.count(group)
+            if lagged in LAGGED and 1 < size == [p.group for p in self._parameters].count(group):
+                first = free.index(group)
+                found.append((LAGGED[lagged], slice(first, first + size)))
+        return tuple(found)
 
     def with_theta(self, theta: ArrayLike) -> Self:
         """Return a copy with other values of the free parameters, of shape (p,).

@@ -149,7 +149,7 @@ class NormalFit:
         low, high = estimates - z * errors, estimates + z * errors
         transform = Transform.of(self.covariance)
         u = transform.forward(estimates[:p])
-        margin = z * errors[:p] / transform.slopes(u)
+        margin = z * errors[:p] / transform.slopes(u).diagonal()
         low[:p], high[:p] = transform.back(u - margin), transform.back(u + margin)
         ends = zip(low.tolist(), high.tolist(), strict=True)
         return dict(zip(self.params, ends, strict=True))
@@ -316,12 +316,14 @@ def fit_normal(
     errors = np.full((len(params), len(params)), np.nan)
     errors[:p, p:] = errors[p:, :p] = 0.0
     errors[p:, p:] = inverse @ inverse.T
-    at_bounds = tuple(np.asarray(covariance.names, dtype=object)[search.flat])
-    inside, is_known = np.ix_(*2 * [np.flatnonzero(~search.flat)]), True
-    if inside[0].size:
-        information = best.information[inside]
+    at_bounds, is_known = tuple(np.asarray(covariance.names, dtype=object)[search.at_bound]), True
+    if not search.flat.all():
+        slopes = search.slopes[:, ~search.flat]  # By what is not at a bound.
+        information = slopes.T @ best.information @ slopes
         is_known = not find_dependent(information).any()
-        errors[inside] = np.linalg.inv(information) if is_known else np.nan
+        inside = np.ix_(*2 * [np.flatnonzero(~search.at_bound)])
+        known = slopes @ np.linalg.inv(information) @ slopes.T if is_known else errors[:p, :p]
+        errors[inside] = known[inside]
     _warn(search, best, at_bounds, is_known)
     trend = params[p:] @ model.rows(shape)
     fitted = covariance.with_theta(search.theta)

@@ -11,6 +11,7 @@ from scipy.special import expit
 
 from toeplitz_mg._typing import Array, Mask, Rows
 from toeplitz_mg.covariances import Covariance
+from toeplitz_mg.covariances.arma import reflections, with_reflections
 from toeplitz_mg.gaussian.information import covariance_information, information_of_contrasts
 from toeplitz_mg.gaussian.observed import MOST, Observed, Whole, largest_dense, observe
 from toeplitz_mg.operators import ToeplitzOperator
@@ -40,18 +41,33 @@ class Data:
 
 @dataclass(frozen=True)
 class Transform:
-    """Transformation to parameters without bounds: logarithm for one bound, logit for two."""
+    """Transformation to parameters without bounds: logarithm for one bound, logit for two.
+
+    Polynomials are transformed by their reflection coefficients, whose bounds are -1 and 1.
+
+    References
+    ----------
+    O. Barndorff-Nielsen, G. Schou, On the parametrization of autoregressive models by partial
+    autocorrelations, J. Multivariate Anal. 3 (1973).
+    """
 
     bounds: Array
     scale: Array  # Scales of the parameters that have no bounds.
+    polynomials: tuple[tuple[float, slice], ...] = ()
 
     @classmethod
-    def of(cls, covariance: Covariance) -> "Transform":
-        """Return the transformation for the free parameters of a covariance."""
-        return cls(covariance.bounds, np.maximum(np.abs(covariance.theta), 1.0))
+    def of(cls, covariance: Covariance, *, is_joint: bool = False) -> "Transform":
+        """Return the transformation for the free parameters, polynomials jointly or not."""
+        bounds, polynomials = covariance.bounds, covariance.polynomials if is_joint else ()
+        for _, where in polynomials:
+            bounds[where] = -1.0, 1.0
+        return cls(bounds, np.maximum(np.abs(covariance.theta), 1.0), polynomials)
 
     def forward(self, theta: Array) -> Array:
         """Return the transformed parameters."""
+        theta = theta.copy()
+        for sign, where in self.polynomials:
+            theta[where] = reflections(sign * theta[where])
         low, high = self.bounds.T
         above = np.log(theta - low, out=np.zeros_like(theta), where=np.isfinite(low))
         below = np.log(high - theta, out=np.zeros_like(theta), where=np.isfinite(high))
@@ -59,18 +75,30 @@ class Transform:
 
     def back(self, u: Array) -> Array:
         """Return the parameters."""
+        theta = self._each(u)
+        for sign, where in self.polynomials:
+            theta[where] = sign * with_reflections(theta[where])[0]
+        return theta
+
+    def slopes(self, u: Array) -> Array:
+        """Return the derivatives of the parameters, by rows, by the transformed ones."""
+        low, high = self.bounds.T
+        with np.errstate(over="ignore", invalid="ignore"):
+            between = (high - low) * expit(u) * expit(-u)
+            each = np.select(self._kinds, (self.scale, np.exp(u), np.exp(-u)), between)
+        slopes = np.diag(each)
+        for sign, where in self.polynomials:
+            by_reflections = with_reflections(self._each(u)[where])[1]
+            slopes[where, where] = sign * by_reflections * each[where]
+        return slopes
+
+    def _each(self, u: Array) -> Array:
+        """Return the parameters, reflection coefficients in the place of polynomials."""
         low, high = self.bounds.T
         with np.errstate(over="ignore", invalid="ignore"):
             near, far = low + (high - low) * expit(u), high - (high - low) * expit(-u)
             values = self.scale * u, low + np.exp(u), high - np.exp(-u), near
         return np.select([*self._kinds, u < 0.0], values, far)
-
-    def slopes(self, u: Array) -> Array:
-        """Return the derivatives of the parameters by the transformed ones."""
-        low, high = self.bounds.T
-        with np.errstate(over="ignore", invalid="ignore"):
-            between = (high - low) * expit(u) * expit(-u)
-            return np.select(self._kinds, (self.scale, np.exp(u), np.exp(-u)), between)
 
     @property
     def _is_free(self) -> Mask:
@@ -172,9 +200,9 @@ class Search:
     def __init__(self, data: Data, covariance: Covariance, spacing: Any, maxiter: int) -> None:
         self.data, self.covariance, self.spacing = data, covariance, spacing
         self.u = np.empty(0)  # The transformed parameters at the maximum.
-        self.flat = np.empty(0, dtype=bool)  # Which parameters have reached a bound.
+        self.flat = np.empty(0, dtype=bool)  # Which transformed ones have reached a bound.
         self.iterations, self.converged = 0, True
-        self._transform = Transform.of(covariance)
+        self._transform = Transform.of(covariance, is_joint=True)
         self._points: dict[bytes, Point | None] = {}  # The current point and the trial points.
         if len(covariance.theta):
             self._run(covariance.theta, maxiter)
@@ -188,6 +216,19 @@ class Search:
     def theta(self) -> Array:
         """The parameters at the maximum."""
         return self._transform.back(self.u)
+
+    @property
+    def slopes(self) -> Array:
+        """Their derivatives by the transformed ones."""
+        return self._transform.slopes(self.u)
+
+    @property
+    def at_bound(self) -> Mask:
+        """Which of them are at a bound: all coefficients of a polynomial with a root at it."""
+        found = self.flat.copy()
+        for _, where in self._transform.polynomials:
+            found[where] = found[where].any()
+        return found
 
     @property
     def best(self) -> Point:
@@ -235,13 +276,13 @@ class Search:
 
     def _slope(self, u: Array) -> Array:
         point = self._at(u)
-        return np.zeros(len(u)) if point is None else -self._transform.slopes(u) * point.gradient
+        return np.zeros(len(u)) if point is None else -point.gradient @ self._transform.slopes(u)
 
     def _curvature(self, u: Array) -> Array:
         point, slopes = self._at(u), self._transform.slopes(u)
         if point is None:
             return np.eye(len(u))
-        return point.average_information * np.outer(slopes, slopes)
+        return slopes.T @ point.average_information @ slopes
 
     def _decrement(self) -> float:
         """Return the squared length of the next step, in standard errors."""
