@@ -1,5 +1,6 @@
 """Fits are where dense likelihoods are largest, with the errors of dense information."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -87,9 +88,7 @@ def test_white_noise_is_ordinary_least_squares(method, less):
     beta, (squares,), _, _ = np.linalg.lstsq(T, y)
     variance = squares / (n - less)
     assert_allclose([*found.params.values()], [variance, *beta], rtol=1e-4)
-    assert found.std_errors["variance"] == pytest.approx(
-        np.sqrt(2 / (n - less)) * variance, rel=1e-4
-    )
+    assert_allclose(found.std_errors["variance"], np.sqrt(2 / (n - less)) * variance, rtol=1e-4)
     assert np.prod(found.intervals()["variance"]) == pytest.approx(variance**2, rel=1e-3)
 
 
@@ -168,8 +167,11 @@ def test_rows_that_are_missing_from_an_index_are_refused():
     for y in (weeks.drop(weeks.index[7]), *map(weeks.set_axis, rows)):
         with pytest.raises(ValueError, match="does not have equal steps"):
             fit(y, WhiteNoise())
-    with pytest.raises(TypeError, match="is a table"):
-        fit(weeks.to_frame(), WhiteNoise())
+    assert fit(weeks.to_frame(), WhiteNoise()).params == fit(weeks, WhiteNoise()).params
+    two = pd.concat([weeks, weeks], axis=1)
+    for y, k, message in ((two, WhiteNoise(), "2 columns"), (NILE, WhiteNoise, "use WhiteNoise()")):
+        with pytest.raises(TypeError, match=re.escape(message)):
+            fit(y, k)
 
 
 def test_a_picture_has_the_series_and_the_means():

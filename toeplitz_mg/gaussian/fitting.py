@@ -294,9 +294,15 @@ def fit_normal(
     if method not in METHODS:
         raise ValueError(f"method is {method!r}, but must be one of {METHODS}")
     if not isinstance(covariance, Covariance):
+        is_class = isinstance(covariance, type) and issubclass(covariance, Covariance)
+        what = (
+            f"the class {covariance.__name__}"
+            if is_class
+            else f"of type {type(covariance).__name__}"
+        )
+        use = f"use {covariance.__name__}()" if is_class else "Custom is for a function of lags"
         raise TypeError(
-            f"covariance is of the type {type(covariance).__name__}, but must be one of "
-            "toeplitz_mg.covariances: Custom is for a function of lags"
+            f"covariance is {what}, but must be an object of toeplitz_mg.covariances: {use}"
         )
     labels = Labels.of(y)
     shape = labels.values.shape

@@ -20,9 +20,14 @@ class Labels:
 
     @classmethod
     def of(cls, y: Any) -> "Labels":
-        """Accept arrays, masked arrays, and Series whose index has equal steps."""
+        """Accept arrays, masked arrays, and a Series, or a table of one, with equal steps."""
         if hasattr(y, "columns"):
-            raise TypeError("y is a table, but must be a series: take one of its columns")
+            if len(y.columns) != 1:
+                raise TypeError(
+                    f"y is a table of {len(y.columns)} columns, but must be one series: take one "
+                    "of its columns"
+                )
+            y = y.iloc[:, 0]
         if hasattr(y, "iloc"):
             _check_index(y.index)
             return cls(y.to_numpy(dtype=np.float64, na_value=np.nan), y)

@@ -29,6 +29,8 @@ from toeplitz_mg.gaussian.observed import (
 from toeplitz_mg.gaussian.sampling import Embedding, Recursion, embed
 from toeplitz_mg.gaussian.stochastic import estimate_logdet
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.operators.coefficients import Coefficients
+from toeplitz_mg.operators.toeplitz import warn_of_dense
 from toeplitz_mg.values import count, generator, is_foreign, numbers, refuse_masked
 
 SHOWN = 5  # Number of positions that an error message lists.
@@ -95,8 +97,11 @@ class ToeplitzNormal:
         return ArrayNormal(cls, c, mean, noise) if is_foreign(c) else super().__new__(cls)
 
     def __init__(self, c: ArrayLike, mean: ArrayLike = 0.0, noise: ArrayLike | None = None) -> None:
+        if isinstance(c, Covariance):
+            raise TypeError(f"c is {c!r}, but must be its covariances: use c(n)")
         c = numbers("c", c)
-        self.A = ToeplitzOperator(c)
+        self.A = ToeplitzOperator(Coefficients.of_column(c))
+        warn_of_dense(c, stacklevel=3)
         variance = float(c.flat[0])
         if not variance > 0.0:
             raise np.linalg.LinAlgError(
@@ -125,7 +130,9 @@ class ToeplitzNormal:
         Parameters
         ----------
         y : array_like of shape (n,) or (n1, n2, ...), masked array, or pandas.Series
-            One series or field. Missing values are NaN or masked.
+            One series or field. Missing values are NaN or masked. An array of two axes is a field,
+            also one of shape (n, 2): give several series one after the other. A DataFrame of one
+            column is its Series.
         covariance : Covariance
             A covariance from `toeplitz_mg.covariances`; its parameter values are the initial guess.
         mean : {"constant", "linear"} or array_like, optional

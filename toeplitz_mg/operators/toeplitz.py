@@ -132,16 +132,7 @@ class ToeplitzOperator(MatrixOperator):
             self._coefficients = c
         elif r is None:
             self._coefficients = Coefficients.of_column(c)
-            dense = name_dense(self._coefficients.array)
-            if dense:
-                n = self._coefficients.array.shape[0]
-                warnings.warn(
-                    f"c has shape {(n, n)} and is constant along its diagonals, as a dense "
-                    f"Toeplitz matrix is, but is taken for the first column of a matrix of two "
-                    f"axes and {n**2} unknowns: for the dense matrix c itself use "
-                    f"{dense}",
-                    stacklevel=2,
-                )
+            warn_of_dense(self._coefficients.array, stacklevel=3)
         else:
             self._coefficients = Coefficients.of_column_and_row(c, r)
         a = self._coefficients
@@ -365,3 +356,15 @@ class ToeplitzOperator(MatrixOperator):
 
     def __repr__(self) -> str:
         return f"<ToeplitzOperator {self._describe()}>"
+
+
+def warn_of_dense(c: Array, stacklevel: int) -> None:
+    """Issue a warning if the coefficients look like a dense Toeplitz matrix."""
+    if dense := name_dense(c):
+        n = c.shape[0]
+        warnings.warn(
+            f"c has shape {(n, n)} and is constant along its diagonals, as a dense Toeplitz matrix "
+            "is, but is taken for the first column of a matrix of two axes and "
+            f"{n**2} unknowns: for the dense matrix c itself use {dense}",
+            stacklevel=stacklevel,
+        )
