@@ -181,7 +181,7 @@ def test_conductance_is_the_inverse_of_holms_resistance():
     assert press(0.0).conductance(1.0, 1.0) == 0.0
     refuses(ValueError, "k1 is 0.0, but must be positive", whole.conductance, 0.0, 1.0)
     for result, message in (
-        (press(periodic=(True, False)), "a line contact, but must be those of an area"),
+        (press(periodic=(True, False)), "a line contact, but only an area has"),
         (press(hardness=0.5 * whole.max_pressure), "plastic is above zero in"),
         (replace(whole, stiffness=None), "stiffness is None, but"),
     ):
