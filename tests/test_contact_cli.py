@@ -507,7 +507,7 @@ def test_help_of_a_case_has_its_options_only(capsys):
         run("rough", "--help")
     shown = capsys.readouterr().out
     assert "--hardness" in shown
-    assert not any(name in shown for name in ("--radius", "--spin", "--mu", "--friction"))
+    assert not any(name in shown for name in ("--radius", "--spin", "--mu", "--line"))
 
 
 def test_figures_as_json(capsys):

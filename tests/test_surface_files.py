@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from tests.systems import refuses
 from toeplitz_mg.contact import ContactWarning, Material, normal_contact, surfaces
 
 pytestmark = pytest.mark.filterwarnings("ignore::toeplitz_mg.contact.ContactWarning")
@@ -64,8 +65,7 @@ def test_only_heights_are_read_from_arrays(tmp_path):
     for name, shape in (("a.npy", (0, 4)), ("a.xyz", (3, 3)), ("b.npy", (2, 3, 4)), ("c.npy", ())):
         np.save(tmp_path / "a.npy", np.zeros(shape))
         (tmp_path / "a.npy").rename(tmp_path / name)
-        with pytest.raises(ValueError, match=name):
-            surfaces.read(tmp_path / name, element=1.0, unit="mm")
+        refuses(ValueError, name, surfaces.read, tmp_path / name, element=1.0, unit="mm")
 
 
 @pytest.mark.parametrize(("level", "degree"), [("mean", 0), ("plane", 1), ("quadratic", 2)])
@@ -122,9 +122,10 @@ def test_what_is_no_table_of_heights_is_offered_to_the_library(tmp_path):
         assert_allclose(surface.element, (2e-3, 3e-3))
     at = np.sort(100.0 * RNG.random(200))
     np.savetxt(tmp_path / "stylus.txt", np.c_[at, 3.0 * at])
-    with pytest.raises(ValueError, match="not evenly spaced: give element="):
-        surfaces.read(tmp_path / "stylus.txt", unit="um")
-    evenly = surfaces.read(tmp_path / "stylus.txt", unit="um", element=0.5)
+    read = partial(surfaces.read, tmp_path / "stylus.txt", unit="um")
+    for given, said in (({}, "give element="), ({"element": 200.0}, "less than the length")):
+        refuses(ValueError, said, read, **given)
+    evenly = read(element=0.5)
     assert_allclose(np.diff(evenly.heights), 1.5e-3)
     assert_allclose(evenly.element, 5e-4)
     container = pytest.importorskip("SurfaceTopography.Container.SurfaceContainer")
@@ -146,8 +147,7 @@ def test_what_is_no_table_of_heights_is_offered_to_the_library(tmp_path):
 )
 def test_what_cannot_be_meant_of_a_file_is_refused(given, message, tmp_path):
     (tmp_path / "a.txt").write_bytes(table(" "))
-    with pytest.raises(ValueError, match=message):
-        surfaces.read(tmp_path / "a.txt", **given)
+    refuses(ValueError, message, surfaces.read, tmp_path / "a.txt", **given)
     surface = surfaces.read(tmp_path / "a.txt", element=1.0)
     for wrong in ({"element": 2.0}, {"unit": "um"}):
         with pytest.raises(ValueError, match=r"heights has its own, .*mm: leave it out"):
@@ -229,5 +229,4 @@ def test_noise_is_smoothed_and_what_ends_has_no_material():
 )
 def test_what_is_no_wheel_on_a_rail_is_refused(change, message):
     given = {"wheel": TREAD, "rail": HEAD, "radius": 460.0} | change
-    with pytest.raises(ValueError, match=message):
-        surfaces.wheel_rail((20, 20), (0.5, 0.5), **given)
+    refuses(ValueError, message, surfaces.wheel_rail, (20, 20), (0.5, 0.5), **given)
