@@ -52,7 +52,7 @@ def test_a_curve_of_a_line_may_begin_without_lateral_creepage():
 def test_refuses_what_is_no_curve(creepages):
     case = {"element": (1.0, 1.0), "material": BODY, "bound": np.ones((4, 4))}
     refuses(ValueError, "has shape .* numbers, or arrays", creep_curve, **case, **creepages)
-    message = "are numbers, but one at least must be an array"
+    message = "are numbers, but at least one must be an array"
     refuses(ValueError, message, creep_curve, **case, longitudinal=0.1)
     refuses(ValueError, "a curve has one point at least", creep_curve, **case, longitudinal=[])
 

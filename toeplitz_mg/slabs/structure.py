@@ -93,7 +93,7 @@ def restricted(name: str, make: Make, of_coupled: Any = None) -> Callable[..., S
         M.made_by = name
         return MaskedOperator(M, A.mask) if isinstance(A, MaskedOperator) else M
 
-    summary = (serial.__doc__ or "").split("\n")[0].rstrip(".")
+    summary = (serial.__doc__ or "").split("\n")[0].split(",")[0].split(" whose")[0].rstrip(".")
     preconditioner.__doc__ = DOC.format(summary=summary, name=name)
     preconditioner.__name__ = preconditioner.__qualname__ = name
     preconditioner.__module__ = "toeplitz_mg.slabs"
