@@ -37,6 +37,10 @@ class ArrayNormal:
             return self.__getattr__("logpdf")(y, observed)
         if observed is not None or self.noise is not None:
             raise TypeError("inside jit and grad all of y is observed, and without noise")
+        if np.shape(y)[-len(self.shape) :] != self.shape:
+            raise ValueError(
+                f"y has shape {np.shape(y)}, but its last axes must be those of c, {self.shape}"
+            )
         return _traced(self._on_numpy)(self.c, y - self.mean)
 
     def __getattr__(self, name: str) -> Any:

@@ -31,7 +31,7 @@ from toeplitz_mg.gaussian.stochastic import estimate_logdet
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.coefficients import Coefficients
 from toeplitz_mg.operators.toeplitz import warn_of_dense
-from toeplitz_mg.values import count, generator, is_foreign, numbers, refuse_masked
+from toeplitz_mg.values import count, generator, is_foreign, is_traced, numbers, refuse_masked
 
 SHOWN = 5  # Number of positions that an error message lists.
 
@@ -244,6 +244,8 @@ class ToeplitzNormal:
         >>> round(float(process.logpdf([0.3, float("nan"), -0.2])), 6)
         -2.541422
         """
+        if is_traced(y):
+            return ArrayNormal(type(self), self.A.c, self.mean, self.noise).logpdf(y, observed)
         value, _, _ = self._logpdf(y, observed)
         return value[()]
 
