@@ -9,12 +9,13 @@ from numpy.testing import assert_allclose
 from scipy.optimize import OptimizeWarning
 
 import toeplitz_mg as tmg
-from toeplitz_mg.covariances import ARFIMA, Custom, Exponential, Matern, WhiteNoise
+from toeplitz_mg.covariances import ARFIMA, ARMA, Custom, Exponential, Matern, WhiteNoise
 
 fit = tmg.ToeplitzNormal.fit
 # Annual discharge at Aswan in 10⁸ m³ (J. Durbin, S. J. Koopman, 2001).
 FILE = Path(__file__).parent.parent / "docs" / "start" / "nile.csv"
 NILE = np.loadtxt(FILE, delimiter=",", skiprows=1)[:, 1]
+NOISY = Exponential(1.0, length=2.0) + WhiteNoise(1.0)
 SMOOTH = Matern(1.0, length=3.0, nu=1.5).fix("nu") + WhiteNoise(0.5)
 
 
@@ -44,13 +45,18 @@ def test_long_memory_of_the_nile():
 
 @pytest.mark.parametrize("method", ["ml", "reml"])
 @pytest.mark.parametrize(
-    ("shape", "gaps"), [((200,), None), ((200,), "some"), ((200,), "most"), ((13, 14), "few")]
+    ("shape", "gaps", "start"),
+    [
+        *(((200,), gaps, NOISY) for gaps in (None, "some", "most")),
+        ((13, 14), "few", NOISY),
+        ((200,), "few", ARMA(ar=[0.4, 0.1])),
+    ],
 )
-def test_likelihood_is_the_largest_and_errors_are_those_of_dense_matrices(method, shape, gaps):
+def test_likelihood_is_largest_and_errors_are_of_dense_matrices(method, shape, gaps, start):
     k = Exponential(2.0, length=6.0) + WhiteNoise(0.4)
     X = np.random.default_rng(2).standard_normal((*shape, 2))
     y = with_gaps(draw(k, shape, 5.0) + X @ [1.0, -2.0], gaps)
-    found = fit(y, Exponential(1.0, length=2.0) + WhiteNoise(1.0), X=X, method=method)
+    found = fit(y, start, X=X, method=method)
     o = np.flatnonzero(~np.isnan(y))
     c, derivatives = found.covariance.values_and_gradient(shape)
     A, *by = (tmg.ToeplitzOperator(z).toarray()[np.ix_(o, o)] for z in (c, *derivatives))
@@ -257,3 +263,15 @@ def test_a_parameter_at_its_bound_is_told():
     without = fit(y, Exponential(1.0, length=3.0))
     assert found.loglikelihood == pytest.approx(without.loglikelihood, abs=1e-3)
     assert found.std_errors["0.length"] == pytest.approx(without.std_errors["length"], rel=1e-2)
+
+
+def test_the_edge_of_invertibility_is_told():
+    """Second differences of white noise have θ(z) = (1 - z)²."""
+    y = np.diff(np.random.default_rng(0).standard_normal(150), 2)
+    with pytest.warns(OptimizeWarning, match=r"ma\.L1, ma\.L2 is at a bound, the edge of invert"):
+        found = fit(y, ARMA(ma=[0.1, 0.1]), 0.0)
+    assert found.converged
+    assert found.at_bounds == ("ma.L1", "ma.L2")
+    assert np.isnan([*found.std_errors.values()]).tolist() == [False, True, True]
+    limit = tmg.ToeplitzNormal(y.var() / 6.0 * np.array([6.0, -4.0, 1.0, *[0.0] * 145]))
+    assert found.loglikelihood > limit.logpdf(y)

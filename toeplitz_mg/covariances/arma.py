@@ -170,38 +170,26 @@ def arfima(
     m = max(n, p + 1, q + 2)
     f, by_d = fractional_difference(m + p + q + 1, d)
     theta = np.append(1.0, ma)
-    taps = {"": np.correlate(theta, theta, "full")}  # Of θ(B) θ(B⁻¹), and derivatives.
-    for j in range(1, q + 1):
-        if (name := f"ma.L{j}") in wanted:
-            shifted = np.correlate(np.eye(q + 1)[j], theta, "full")
-            taps[name] = shifted + shifted[::-1]
     s = np.exp(np.arange(log(SHORTEST / m), log(LONGEST / (m - q + d)), STEP))
     weights = STEP * s * np.exp(-(m - q + d) * s) * (-np.expm1(-s)) ** (-2.0 * d)
     by_weights = weights * (cos(pi * d) - sin(pi * d) / pi * (s + 2.0 * np.log(-np.expm1(-s))))
     weights *= sin(pi * d) / pi
-    s = np.append(s, 0.0)
+    powers = np.exp(-np.arange(p, -1.0, -1.0)[:, np.newaxis] * s)
+    t, s = np.append(np.exp(-s), 1.0), np.append(s, 0.0)
     phi = fsum([1.0, *np.negative(ar)]) - sum(c * np.expm1(-j * s) for j, c in enumerate(ar, 1))
-
-    def run_back(name: str, drive: Array, f: Array = f, weights: Array = weights) -> Array:
-        """Return w_0, …, w_(m+p), or derivatives."""
-        factor = np.polyval(taps.get(name, taps[""])[::-1], np.exp(-s)) / phi
-        if name.startswith("ar"):
-            factor *= np.exp(-int(name.removeprefix("ar.L")) * s) / phi
+    w: Derivatives = {}
+    for name in ("", *wanted - {"sigma2"}):
+        group, _, j = name.partition(".L")
+        g, measure = (by_d, by_weights) if group == "d" else (f, weights)
+        taps = np.correlate(np.eye(q + 1)[int(j)] if group == "ma" else theta, theta, "full")
+        taps = taps + taps[::-1] if group == "ma" else taps
+        factor = np.polyval(taps, t) / phi  # θ(t) θ(1/t)/φ(t) with a power of t, or its derivative.
+        factor = factor * t ** int(j) / phi if group == "ar" else factor
         limit = factor[-1] if d > 0.0 else 0.0  # Its integral is known; the rest decays faster.
-        powers = np.exp(-np.arange(p, -1.0, -1.0)[:, np.newaxis] * s[:-1])
-        first = powers @ (weights * (factor[:-1] - limit)) + limit * f[m + p - q : m - q - 1 : -1]
-        return recur(first, np.append(np.zeros(p + 1), drive[::-1]), ar)[::-1]
-
-    def moving(f: Array, taps: Array) -> Array:
-        """Return θ(B) θ(B⁻¹) f, or derivatives, at the lags 0, …, m - 1."""
-        return np.convolve(np.append(f[q:0:-1], f[: m + q]), taps, "valid")
-
-    w = {name: run_back(name, moving(f, taps[name])) for name in taps}
-    if "d" in wanted:
-        w["d"] = run_back("d", moving(by_d, taps[""]), by_d, by_weights)
-    for j in range(1, p + 1):
-        if (name := f"ar.L{j}") in wanted:
-            w[name] = run_back(name, w[""][j : j + m])
+        first = powers @ (measure * (factor[:-1] - limit)) + limit * g[m + p - q : m - q - 1 : -1]
+        drive = np.convolve(np.append(g[q:0:-1], g[: m + q]), taps, "valid")
+        drive = w[""][int(j) : int(j) + m] if group == "ar" else drive
+        w[name] = recur(first, np.append(np.zeros(p + 1), drive[::-1]), ar)[::-1]
     return solve_even(n, ar, {name: w[name][:m] for name in w})
 
 

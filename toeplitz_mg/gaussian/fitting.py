@@ -24,6 +24,7 @@ TRENDS = "constant", "linear"
 RANK = 1e-10  # A regressor is linearly dependent if a smaller part of it is independent.
 ROUNDING = 1e-9  # Negative variances down to this, relative to the variance, are rounding errors.
 WIDTH = 78  # Line width of a summary, characters.
+EDGES = {"ar": "stationarity", "ma": "invertibility"}  # What the bounds of coefficients mean.
 UNKNOWN = "the parameters cannot be told apart at the estimate"
 
 
@@ -93,7 +94,8 @@ class NormalFit:
     iterations : int
         Whether the maximum of the likelihood was found, and the number of iterations.
     at_bounds : tuple of str
-        Parameters whose estimate is at a bound.
+        Parameters whose estimate is at a bound: all coefficients of an `ar` or `ma` part whose
+        estimate is at the edge of stationarity or invertibility.
 
     See Also
     --------
@@ -404,9 +406,12 @@ def _warn(search: Search, best: Point, at_bounds: tuple[str, ...], is_known: boo
             "values, as of covariance.with_theta(…), or raise maxiter"
         )
     if at_bounds:
+        groups = {name.rpartition(".L")[0].rpartition(".")[2] for name in at_bounds}
+        edges = [EDGES[group] for group in EDGES if group in groups]
         doubts.append(
-            f"the likelihood is largest where {', '.join(at_bounds)} is at a bound: no standard "
-            "error is known; leave the term out, or hold the parameter"
+            f"the likelihood is largest where {', '.join(at_bounds)} is at a bound"
+            + f", the edge of {' and of '.join(edges)}" * bool(edges)
+            + ": no standard error is known; leave the term out, or hold the parameter"
         )
     if not is_known:
         doubts.append(f"{UNKNOWN}: no standard errors")

@@ -18,8 +18,10 @@ from toeplitz_mg.operators import ToeplitzOperator
 
 PRECISE = 1e-8  # The search ends at this squared length of a step, in standard errors.
 ENOUGH = 1e-4  # The same, if rounding prevents smaller steps.
-FLAT = 1e-8  # Below this information, a transformed parameter has reached its bound.
+FLAT = 1e-6  # Below this information, a transformed parameter has reached its bound.
 SINGULAR = 1e-9  # Smallest eigenvalue of the correlation of scores for identifiable parameters.
+SCORED = 16  # Number of steps by the information; later steps use second derivatives.
+DIFFERENCE = 1e-4  # Step of the differences for second derivatives, in transformed parameters.
 LONGEST = 8.0  # Largest step of a search, in the logarithm of a parameter.
 MOST_REFUSED = 8  # Consecutive steps without a larger likelihood, after which the search ends.
 
@@ -203,6 +205,7 @@ class Search:
         self.flat = np.empty(0, dtype=bool)  # Which transformed ones have reached a bound.
         self.iterations, self.converged = 0, True
         self._transform = Transform.of(covariance, is_joint=True)
+        self._seconds = b"", np.empty(0)  # Where second derivatives are known, and these.
         self._points: dict[bytes, Point | None] = {}  # The current point and the trial points.
         if len(covariance.theta):
             self._run(covariance.theta, maxiter)
@@ -242,24 +245,27 @@ class Search:
         self._identify()
         refused = 0
 
+        def model(u: Array) -> Array:
+            rests = self._rests(u)
+            return np.where(rests | rests[:, np.newaxis], np.eye(len(u)), self._model(u))
+
         def look(intermediate_result: Any) -> None:
             nonlocal refused
             x = intermediate_result.x
             refused = refused + 1 if np.array_equal(x, self.u) else 0
-            self.u = x.copy()
+            self.u, self.iterations = x.copy(), self.iterations + 1
             if self._decrement() <= PRECISE or refused >= MOST_REFUSED:
                 raise StopIteration
 
-        found = minimize(
+        minimize(
             lambda u: np.inf if (point := self._at(u)) is None else -point.value,
             self.u,
-            jac=self._slope,
-            hess=self._curvature,
+            jac=lambda u: np.where(self._rests(u), 0.0, self._slope(u)),
+            hess=model,
             method="trust-exact",
             callback=look,
             options={"maxiter": maxiter, "max_trust_radius": LONGEST, "gtol": 0.0},
         )
-        self.iterations = int(found.nit)
         self.converged = self._decrement() <= ENOUGH
 
     def _at(self, u: Array) -> Point | None:
@@ -284,12 +290,30 @@ class Search:
             return np.eye(len(u))
         return slopes.T @ point.average_information @ slopes
 
+    def _rests(self, u: Array) -> Mask:
+        """Return which parameters need not come closer to a bound: rounding would grow there."""
+        return (self._curvature(u).diagonal() < FLAT) & (np.abs(self._slope(u)) < ENOUGH)
+
+    def _model(self, u: Array) -> Array:
+        """Return second derivatives, or information in their place: it is less work."""
+        if self.iterations < SCORED:
+            return self._curvature(u)
+        if self._seconds[0] != u.tobytes():
+            steps, slope = DIFFERENCE * np.eye(len(u)), self._slope(u)
+            rows = [self._slope(u + step) - slope for step in steps if self._at(u + step)]
+            found = np.array(rows) / DIFFERENCE if len(rows) == len(u) else self._curvature(u)
+            self._seconds = u.tobytes(), 0.5 * (found + found.T)
+        return self._seconds[1]
+
     def _decrement(self) -> float:
         """Return the squared length of the next step, in standard errors."""
         curvature, slope = self._curvature(self.u), self._slope(self.u)
         self.flat = curvature.diagonal() < FLAT
         rest = ~self.flat
-        step = np.linalg.lstsq(curvature[np.ix_(rest, rest)], slope[rest])[0]
+        inside = np.ix_(rest, rest)
+        model = self._model(self.u)[inside]
+        is_convex = not model.size or np.linalg.eigvalsh(model)[0] > 0.0
+        step = np.linalg.lstsq(model if is_convex else curvature[inside], slope[rest])[0]
         return float(slope[rest] @ step)
 
     def _rescale(self, theta: Array) -> Array:
