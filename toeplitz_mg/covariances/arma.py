@@ -106,7 +106,7 @@ class ARFIMA(LinearProcess):
         return arfima(n, d, self._values("ar"), self._values("ma"), wanted)
 
 
-def reflections(coefficients: Sequence[float]) -> list[Decimal]:
+def reflections(coefficients: Sequence[float] | Array) -> list[Decimal]:
     """Return the reflection coefficients of 1 + c₁ z + c₂ z² + …, by Schur and Cohn.
 
     Its roots lie outside the unit circle if all are between -1 and 1; else only the last are found.

@@ -171,7 +171,7 @@ class Covariance:
         return np.array([(p.low, p.high) for p in self._free], dtype=np.float64).reshape(-1, 2)
 
     @property
-    def polynomials(self) -> tuple[tuple[float, slice], ...]:
+    def _polynomials(self) -> tuple[tuple[float, slice], ...]:
         """Where in `theta` the coefficients of 1 ± c₁ z ± … stand, several and all free; ±1."""
         free, found = [p.group for p in self._free], []
         for group in dict.fromkeys(free):

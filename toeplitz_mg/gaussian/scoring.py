@@ -60,7 +60,7 @@ class Transform:
     @classmethod
     def of(cls, covariance: Covariance, *, is_joint: bool = False) -> "Transform":
         """Return the transformation for the free parameters, polynomials jointly or not."""
-        bounds, polynomials = covariance.bounds, covariance.polynomials if is_joint else ()
+        bounds, polynomials = covariance.bounds, covariance._polynomials if is_joint else ()
         for _, where in polynomials:
             bounds[where] = -1.0, 1.0
         return cls(bounds, np.maximum(np.abs(covariance.theta), 1.0), polynomials)
