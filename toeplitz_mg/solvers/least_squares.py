@@ -23,6 +23,7 @@ from toeplitz_mg.solvers.checks import check_numbers
 from toeplitz_mg.solvers.toeplitz.solve import solve_toeplitz
 from toeplitz_mg.values import count, finite, positive
 
+MAXITER = 5000  # Most iterations by default; a matrix that needs more is nearly singular.
 CORRECTIONS = 3  # Most solves of the normal equations; each starts from the residual of A itself.
 LEAST_GAIN = 0.5  # Another correction is made if the last one reduced the error below this factor.
 
@@ -81,7 +82,7 @@ def toeplitz_lstsq(
         about `rtol` times the condition number of A, or times its square if the residual is as
         large as b.
     maxiter : int, optional
-        Maximum number of iterations in one solve of the normal equations, by default 10 n.
+        Maximum number of iterations, by default 10 n, but not more than 5000.
     M : LinearOperator, optional
         Approximate inverse of ``A.H @ A + damp**2 * I``; by default one is selected.
     full_output : bool
@@ -188,7 +189,8 @@ class _NormalEquations:
     """The normal equations of a least-squares problem, or of its dual, and their solver."""
 
     def __init__(self, A: Any, shift: float, M: Any, maxiter: int | None) -> None:
-        self.A, self.adjoint, self.shift, self._maxiter = A, A.H, shift, maxiter
+        self.A, self.adjoint, self.shift = A, A.H, shift
+        self._maxiter = min(10 * max(A.shape[1], 1), MAXITER) if maxiter is None else maxiter
         N = NormalMatrix(A, 1.0, shift)
         dual = NormalMatrix(A.H, 1.0, shift)
         self._is_dual = M is None and not N.is_toeplitz and dual.is_toeplitz
@@ -212,9 +214,9 @@ class _NormalEquations:
         r, g, error = self._residual(b, x, y)
         iterations = 0
         for _ in range(CORRECTIONS):
-            if error <= rtol:
+            if error <= rtol or iterations >= self._maxiter:
                 break
-            change, steps = self._correct(g, rtol / error)
+            change, steps = self._correct(g, rtol / error, self._maxiter - iterations)
             iterations += steps
             # Not x = Aᴴ(y + change), because the terms may be much larger than x.
             trial = x + (self.adjoint @ change if self._is_dual else change)
@@ -236,7 +238,7 @@ class _NormalEquations:
             error = min(error / (self.A.norm_bound * size), size / norm(b))
         return r, r - self.shift * y if self._is_dual else gradient, error
 
-    def _correct(self, g: Array, rtol: float) -> tuple[Array, int]:
+    def _correct(self, g: Array, rtol: float, maxiter: int) -> tuple[Array, int]:
         """Return the solution for a right-hand side, and the number of iterations."""
         if self._c is not None:
             with suppress(np.linalg.LinAlgError), warnings.catch_warnings():
@@ -245,9 +247,7 @@ class _NormalEquations:
                 )  # Errors are corrected or reported later.
                 return solve_toeplitz(self._c, g), 1
         residuals: list[float] = []
-        x, _ = cg(
-            self._matrix, g, rtol=rtol / 2, maxiter=self._maxiter, M=self._M, residuals=residuals
-        )
+        x, _ = cg(self._matrix, g, rtol=rtol / 2, maxiter=maxiter, M=self._M, residuals=residuals)
         return x, len(residuals) - 1
 
 
