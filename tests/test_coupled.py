@@ -102,7 +102,7 @@ ONE, TWO = tmg.ToeplitzOperator([[2.0, 1.0]]), tmg.ToeplitzOperator([[2.0, 1.0, 
     [
         ([[ONE, ONE], [ONE]], ValueError, r"rows of lengths \[2, 1\], but must be a square"),
         ([[ONE, None], [None, TWO]], ValueError, r"blocks\[1\]\[1\] lives on the grid \(1, 3\)"),
-        ([[ONE, np.eye(2)], [None, ONE]], TypeError, r"blocks\[0\]\[1\] is a ndarray, but must"),
+        ([[ONE, np.eye(2)], [None, ONE]], TypeError, r"blocks\[0\]\[1\] is of type ndarray, but"),
         ([ONE, ONE], TypeError, r"blocks is \[<Toeplitz.*>\], but must have rows, such as \[\["),
         (ONE, TypeError, r"blocks is <Toeplitz.*>, but must have rows"),
         ([[ONE, None], [None, None]], ValueError, "row 1 of the blocks is zero"),
@@ -130,7 +130,7 @@ def test_what_is_refused():
         refuses(ValueError, r"2 components, 4 x 4, general.*must be symmetric", of_all, general)
     for of_one in (tmg.multigrid, tmg.jacobi_preconditioner, tmg.toeplitz_inverse):
         with pytest.raises(
-            TypeError, match=r"is a CoupledOperator, .*componentwise\(multigrid\)\(A"
+            TypeError, match=r"of type CoupledOperator, .*componentwise\(multigrid\)\(A"
         ):
             of_one(tangential(8))
     for given in (tangential(8), 3, "fft"):

@@ -346,7 +346,7 @@ UNEVEN = Topography(np.zeros((4, 4)), (4.0, 4.0), "um", is_uniform=False)
         ({}, ValueError, "either gap or heights must be given: neither"),
         ({"gap": GAP, "heights": GAP}, ValueError, "either gap or heights must be given: both"),
         ({"gap": GAP}, TypeError, "element is missing"),
-        ({"gap": IN_UM}, TypeError, "gap is a Topography, but must be an array"),
+        ({"gap": IN_UM}, TypeError, "gap is of type Topography, but must be an array"),
         ({"heights": IN_UM, "element": 1.0}, ValueError, r"has its own: \(1.0, 1.0\) um"),
         ({"heights": FLAT}, ValueError, "has no unit: give unit=, for"),
         ({"heights": IN_UM, "unit": "nm"}, ValueError, "unit is 'nm', but the topography is in"),

@@ -157,7 +157,7 @@ def test_what_it_is_not_for():
         1e308 * A
     with pytest.raises(ValueError, match="a diagonal has nan at 2, but all entries must be finite"):
         A + diags(np.array([1.0, 2.0, np.nan, 3.0]))
-    with pytest.raises(TypeError, match="is a ToeplitzSum, but must be a ToeplitzOperator"):
+    with pytest.raises(TypeError, match="is of type ToeplitzSum, but must be a ToeplitzOperator"):
         tmg.toeplitz_inverse(covariance(5) + diags(diagonals(5)[0]))
     A = covariance(3)
     with pytest.raises(TypeError, match="as 3"):
@@ -217,7 +217,7 @@ def test_what_is_no_diagonal_matrix_is_composed_by_scipy():
     ):
         assert isinstance(result, LinearOperator)
         assert_allclose(result @ np.eye(4), expected)
-    with pytest.raises(TypeError, match=r"is a _SumLinearOperator, .*diags_array\(d\)"):
+    with pytest.raises(TypeError, match=r"of type _SumLinearOperator, .*diags_array\(d\)"):
         tmg.chan_preconditioner(aslinearoperator(sparse.eye_array(4)) + A)
 
 

@@ -196,7 +196,7 @@ def test_what_the_serial_one_refuses_all_ranks_refuse(comm):
         text = "neighbours is 5 on rank 0 and 6 on rank 1, but must be the same on all"
         refuses(comm, ValueError, text, lambda: make(A, neighbours=5 + min(comm.rank, 1)))
     refuses(comm, TypeError, "dtype is complex128", partial(make, A, dtype=complex))
-    refuses(comm, TypeError, "A is a ndarray, but must be", lambda: make(np.eye(3)))
+    refuses(comm, TypeError, "A is of type ndarray, but must be", lambda: make(np.eye(3)))
     tiny = slabs.ToeplitzOperator(1e-40 / (1.0 + i + j), slab)
     refuses(comm, ValueError, "scale A", partial(make, tiny, dtype=np.float32))
     solid = slabs.Slab(comm, (8, 4, 4))

@@ -358,7 +358,7 @@ def test_wrong_vectors_and_masks_are_refused_by_all(comm):
     text = "mask is nowhere true on any rank"
     refuses(comm, ValueError, text, lambda: slabs.MaskedOperator(A, nothing))
     B = slabs.MaskedOperator(A, ~nothing)
-    text = "A is a MaskedOperator, but must be"
+    text = "A is of type MaskedOperator, but must be"
     refuses(comm, TypeError, text, lambda: slabs.MaskedOperator(B, ~nothing))
     other = slabs.ToeplitzOperator(A.c, slabs.Slab(comm, (12, 8)))
     text = "the blocks live on several slabs"
@@ -367,7 +367,7 @@ def test_wrong_vectors_and_masks_are_refused_by_all(comm):
     refuses(comm, ValueError, text, lambda: slabs.CoupledOperator([[A, A]]))
     for wrong in ([A, A], [[A, 3], [3, A]], [A, [A]]):
         blocks = wrong if is_last else [[A, None], [None, A]]
-        text = f"rank {last}: blocks" + ("[0][1] is a int" if wrong[0] is not A else " is [")
+        text = f"rank {last}: blocks" + ("[0][1] is of type int" if wrong[0] is not A else " is [")
         refuses(comm, TypeError, text, lambda blocks=blocks: slabs.CoupledOperator(blocks))
     for wrong in (3, [], [3], "xx"):
         text = f"blocks is {wrong!r}, but must have rows of ToeplitzOperator"

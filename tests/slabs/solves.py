@@ -283,7 +283,7 @@ def test_what_is_not_positive_definite_is_refused_by_all(comm):
     odd[0] = odd[:, 0] = 0.0
     B = slabs.ToeplitzOperator(odd[slab.rows], slab, parity=(-1, -1))
     refuses(comm, ValueError, "but must be even", lambda: slabs.fft_preconditioner(B))
-    refuses(comm, TypeError, "A is a ndarray", lambda: slabs.fft_preconditioner(np.eye(3)))
+    refuses(comm, TypeError, "A is of type ndarray", lambda: slabs.fft_preconditioner(np.eye(3)))
 
 
 def test_wrong_systems_are_refused_by_all(comm):

@@ -105,8 +105,8 @@ def check_bound(bound: ArrayLike) -> Array:
     """Return a traction bound as an array, or raise an error."""
     if hasattr(bound, "summary"):
         raise TypeError(
-            f"bound is a {type(bound).__name__}, but must be an array, μ times the pressure: a "
-            "result of normal_contact is the first argument, beside mu="
+            f"bound is of type {type(bound).__name__}, but must be an array, μ times the pressure: "
+            "a result of normal_contact is the first argument, beside mu="
         )
     g = field("bound", in_order("bound", bound), "N/mm**2")
     if (g < 0.0).any():
@@ -165,7 +165,7 @@ def require_pressed(pressed: Any) -> None:
     """Raise an error unless the first argument of `friction` or `rolling` is a normal result."""
     if isinstance(pressed, NormalResult):
         return
-    kind, hint = f"a {type(pressed).__name__}", ""
+    kind, hint = f"of type {type(pressed).__name__}", ""
     if hasattr(pressed, "normal"):
         hint = ", as its `normal`"
     elif not hasattr(pressed, "summary"):

@@ -98,12 +98,12 @@ def read_surface(
             "heights=contact.surfaces.read(path)"
         )
     if isinstance(gap, Heights) or _is_topography(gap):
-        raise TypeError(f"gap is a {type(gap).__name__}, but must be an array: use heights=")
+        raise TypeError(f"gap is of type {type(gap).__name__}, but must be an array: use heights=")
     name = "gap" if heights is None else "heights"
     given: Any = gap if heights is None else heights
     if (several := getattr(given, "files", getattr(given, "data_vars", None))) is not None:
         raise TypeError(
-            f"{name} is a {type(given).__name__}, but must be one of its arrays: "
+            f"{name} is of type {type(given).__name__}, but must be one of its arrays: "
             f"{', '.join(map(str, several))}"
         )
     if isinstance(given, Heights):

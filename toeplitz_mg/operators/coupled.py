@@ -245,7 +245,7 @@ def _check_block(name: str, block: Any, first: Any) -> None:
     require_serial(name, block)
     if not isinstance(block, ToeplitzOperator):
         raise TypeError(
-            f"{name} is a {type(block).__name__}, but must be a ToeplitzOperator or None"
+            f"{name} is of type {type(block).__name__}, but must be a ToeplitzOperator or None"
         )
     first.library.read(f"c of {name}", block.c)
     if block.grid_shape != first.grid_shape:

@@ -136,8 +136,8 @@ def unwrap_toeplitz(
         if isinstance(full, CoupledOperator):
             check(full)
         raise TypeError(
-            f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a MaskedOperator "
-            f"of one{_advise(full)}"
+            f"A is of type {type(full).__name__}, but must be a ToeplitzOperator or a "
+            f"MaskedOperator of one{_advise(full)}"
         )
     check(full)
     return full, mask

@@ -74,7 +74,7 @@ class MaskedOperator(MatrixOperator):
         grid_shape = getattr(A, "grid_shape", None)
         if grid_shape is None or isinstance(A, MaskedOperator):
             raise TypeError(
-                f"A is a {type(A).__name__}, but must be an operator on a whole grid, "
+                f"A is of type {type(A).__name__}, but must be an operator on a whole grid, "
                 "such as a ToeplitzOperator"
             )
         if A.shape != (prod(grid_shape),) * 2:

@@ -88,7 +88,7 @@ def _find_slab(blocks: Any) -> Slab | None:
 def _check_block(name: str, block: Any, first: Any) -> None:
     if not isinstance(block, ToeplitzOperator):
         raise TypeError(
-            f"{name} is a {type(block).__name__}, but must be a ToeplitzOperator of "
+            f"{name} is of type {type(block).__name__}, but must be a ToeplitzOperator of "
             "toeplitz_mg.slabs, or None"
         )
     if block.slab is not first.slab:

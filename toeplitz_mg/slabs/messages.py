@@ -202,6 +202,6 @@ def _check(comm: Any) -> Any:
             'toeplitz_mg.slabs needs mpi4py, which is not installed: pip install "toeplitz-mg[mpi]"'
         ) from error
     if not isinstance(comm, MPI.Intracomm) or comm == MPI.COMM_NULL:
-        name = "MPI.COMM_NULL" if comm == MPI.COMM_NULL else f"a {type(comm).__name__}"
+        name = "MPI.COMM_NULL" if comm == MPI.COMM_NULL else f"of type {type(comm).__name__}"
         raise TypeError(f"comm is {name}, but must be a communicator, as MPI.COMM_WORLD of mpi4py")
     return comm

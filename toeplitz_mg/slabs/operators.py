@@ -246,8 +246,8 @@ class MaskedOperator(SlabOperator):
     def __init__(self, A: Any, mask: ArrayLike) -> None:
         if not isinstance(A, SlabOperator) or isinstance(A, MaskedOperator):
             raise TypeError(
-                f"A is a {type(A).__name__}, but must be an operator of toeplitz_mg.slabs on a "
-                "whole grid"
+                f"A is of type {type(A).__name__}, but must be an operator of toeplitz_mg.slabs on "
+                "a whole grid"
             )
         with A.slab.agree() as same:
             same["A"] = A.kind

@@ -46,8 +46,8 @@ def unwrap(A: Any) -> Any:
     full = A.full if isinstance(A, MaskedOperator) else A
     if not isinstance(full, ToeplitzOperator | CoupledOperator):
         raise TypeError(
-            f"A is a {type(full).__name__}, but must be a ToeplitzOperator or a CoupledOperator of "
-            "toeplitz_mg.slabs, or a MaskedOperator of one"
+            f"A is of type {type(full).__name__}, but must be a ToeplitzOperator or a "
+            "CoupledOperator of toeplitz_mg.slabs, or a MaskedOperator of one"
         )
     return full
 

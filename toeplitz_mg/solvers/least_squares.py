@@ -138,8 +138,8 @@ def toeplitz_lstsq(
         A = ToeplitzOperator(*A)
     if not isinstance(A, ToeplitzOperator | RectangularToeplitz):
         raise TypeError(
-            f"A is a {type(A).__name__}, but must be a Toeplitz matrix: a ToeplitzOperator, a "
-            "RectangularToeplitz or (c, r); for others use scipy.sparse.linalg.lsqr"
+            f"A is of type {type(A).__name__}, but must be a Toeplitz matrix: a ToeplitzOperator, "
+            "a RectangularToeplitz or (c, r); for others use scipy.sparse.linalg.lsqr"
         )
     require_numpy(A, "toeplitz_lstsq")
     damp, tolerance = finite("damp", damp), positive("rtol", rtol)

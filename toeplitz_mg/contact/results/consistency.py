@@ -70,7 +70,7 @@ def check_values(kind: type, values: Mapping[str, Any]) -> None:
             raise ValueError(f"{name} is given, but a {kind.__name__} has no such field")
         if not _is_of(value, types[name]):
             shown = repr(value)
-            shown = shown if len(shown) <= LONGEST else f"a {type(value).__name__}"
+            shown = shown if len(shown) <= LONGEST else f"of type {type(value).__name__}"
             raise TypeError(f"{name} is {shown}, but must be {_say(types[name])}")
 
 
