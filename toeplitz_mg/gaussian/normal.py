@@ -394,7 +394,8 @@ class ToeplitzNormal:
         -------
         Conditional
             With the attributes `mean` (the estimate at each point), `variance` and `std`, and the
-            methods `interval` and `rvs`.
+            methods `interval` and `rvs`. They are of y with its noise: at an observed point `mean`
+            is the observed value.
 
         Examples
         --------
