@@ -54,7 +54,9 @@ def test_refuses_what_is_no_curve(creepages):
     refuses(ValueError, "has shape .* numbers, or arrays", creep_curve, **case, **creepages)
     message = "are numbers, but at least one must be an array"
     refuses(ValueError, message, creep_curve, **case, longitudinal=0.1)
-    refuses(ValueError, "are empty, but a curve needs a point", creep_curve, **case, longitudinal=[])
+    refuses(
+        ValueError, "are empty, but a curve needs a point", creep_curve, **case, longitudinal=[]
+    )
 
 
 def line_curve():
