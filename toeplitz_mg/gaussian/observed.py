@@ -27,7 +27,7 @@ from toeplitz_mg.operators import MaskedOperator, ToeplitzOperator
 from toeplitz_mg.preconditioners import default_preconditioner
 from toeplitz_mg.solvers.cg import cg
 from toeplitz_mg.solvers.inverse import first_columns, require_safe_sizes
-from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
+from toeplitz_mg.solvers.refined_column import RefinedColumn, refine_column
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant
 from toeplitz_mg.solvers.szego_polynomial import autocorrelations
 
@@ -73,9 +73,9 @@ class Whole(Known):
     A: ToeplitzOperator
 
     @cached_property
-    def column(self) -> SharpColumn:
+    def column(self) -> RefinedColumn:
         """The first column of A⁻¹."""
-        return sharpen(first_columns(self.A))
+        return refine_column(first_columns(self.A))
 
     @cached_property
     def log_determinant(self) -> LogDeterminant:
@@ -413,7 +413,7 @@ def observe(whole: Whole, mask: Mask, noise: Array | None = None, *, dense: int 
     return Many(whole.A, mask, noise)
 
 
-def inverse_block(column: SharpColumn, index: Array) -> Array:
+def inverse_block(column: RefinedColumn, index: Array) -> Array:
     """Return the block of A⁻¹ for given positions, in ascending order.
 
     Entries below the diagonal are not set. By the Gohberg-Semencul formula each row follows from

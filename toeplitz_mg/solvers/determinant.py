@@ -5,8 +5,8 @@ from math import log
 from numpy.typing import ArrayLike
 
 from toeplitz_mg.solvers.inverse import first_columns
+from toeplitz_mg.solvers.refined_column import refine_column
 from toeplitz_mg.solvers.reflection import read_column
-from toeplitz_mg.solvers.sharp_column import sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 
 
@@ -77,7 +77,7 @@ def toeplitz_logdet(c: ArrayLike) -> float:
     """
     A, power = read_column(c, "toeplitz_logdet(A.c), or toeplitz_inverse(A).logdet")
     n = len(A.c)
-    value, error = log_determinant(A, lambda start: sharpen(first_columns(A, start)))
+    value, error = log_determinant(A, lambda start: refine_column(first_columns(A, start)))
     found = LogDeterminant(value + n * power * log(2.0), error)
     warn_of_error(found, n, stacklevel=3)
     return found.value

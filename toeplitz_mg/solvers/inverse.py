@@ -18,8 +18,8 @@ from toeplitz_mg.preconditioners.fsai.preconditioner import fsai_preconditioner
 from toeplitz_mg.preconditioners.traits import decays_slowly
 from toeplitz_mg.solvers.cg import Descent
 from toeplitz_mg.solvers.checks import by_recurrence
+from toeplitz_mg.solvers.refined_column import RefinedColumn, refine_column
 from toeplitz_mg.solvers.reflection import levinson_column
-from toeplitz_mg.solvers.sharp_column import SharpColumn, sharpen
 from toeplitz_mg.solvers.szego import LogDeterminant, log_determinant, warn_of_error
 from toeplitz_mg.solvers.toeplitz.cosine_cg import CosineSolver
 from toeplitz_mg.solvers.toeplitz.cosine_form import CosineForm
@@ -92,7 +92,7 @@ class ToeplitzInverse(GridOperator):
         return sums
 
     @cached_property
-    def _column(self) -> SharpColumn:
+    def _column(self) -> RefinedColumn:
         """The column of the inverse, as exact as double precision allows."""
         if not self.A.is_hermitian:
             raise TypeError(
@@ -100,7 +100,7 @@ class ToeplitzInverse(GridOperator):
                 "the log-determinant and the sums of diagonals"
             )
         x = self.G.x.astype(np.result_type(self.G.x, np.float64))
-        return sharpen(Columns(_line_of(self.A), x))
+        return refine_column(Columns(_line_of(self.A), x))
 
     @cached_property
     def _logdet(self) -> LogDeterminant:

@@ -21,8 +21,8 @@ from toeplitz_mg.columns.columns import EPS
 from toeplitz_mg.columns.schur import schur_column
 from toeplitz_mg.engine.vectors import norm
 from toeplitz_mg.operators import ToeplitzOperator
+from toeplitz_mg.solvers.refined_column import RefinedColumn
 from toeplitz_mg.solvers.reflection import levinson_column, step_down
-from toeplitz_mg.solvers.sharp_column import SharpColumn
 from toeplitz_mg.solvers.szego_polynomial import MOST_SAMPLES
 from toeplitz_mg.solvers.toeplitz.sizes import GENERAL, SHORT
 
@@ -72,7 +72,7 @@ def warn_of_error(found: LogDeterminant, n: int, stacklevel: int) -> None:
 
 
 def log_determinant(
-    A: ToeplitzOperator, find_column: Callable[[Array | None], SharpColumn]
+    A: ToeplitzOperator, find_column: Callable[[Array | None], RefinedColumn]
 ) -> LogDeterminant:
     """Return log det A from reflection coefficients, or from the column of its inverse.
 
@@ -125,7 +125,7 @@ def _better(best: LogDeterminant, way: Way) -> LogDeterminant:
     return best
 
 
-def _ways(A: ToeplitzOperator, column: SharpColumn) -> list[Way]:
+def _ways(A: ToeplitzOperator, column: RefinedColumn) -> list[Way]:
     """Return the methods for the log-determinant that use the column, the fastest first."""
     n = len(A.c)
     ways: list[Way] = []
@@ -141,7 +141,7 @@ def _ways(A: ToeplitzOperator, column: SharpColumn) -> list[Way]:
     return ways
 
 
-def _factor(A: ToeplitzOperator, column: SharpColumn) -> LogDeterminant:
+def _factor(A: ToeplitzOperator, column: RefinedColumn) -> LogDeterminant:
     """Return log det A by a Cholesky factorisation of the dense matrix."""
     n, diagonal = len(A.c), np.linalg.cholesky(A.toarray()).diagonal().real
     trace = abs(float(column.polynomial.diagonal_sums[0].real))
@@ -165,7 +165,7 @@ def _sum_upwards(A: ToeplitzOperator, x: Array, gamma: Array) -> LogDeterminant:
     return LogDeterminant(of_variance + of_errors, SAFETY * float(error))
 
 
-def _sum_downwards(column: SharpColumn) -> LogDeterminant:
+def _sum_downwards(column: RefinedColumn) -> LogDeterminant:
     """Return log det A by Levinson's steps backwards, from the last prediction error 1/x₀.
 
     They end at c₀, whose deviation shows the accumulated error.
@@ -179,7 +179,7 @@ def _sum_downwards(column: SharpColumn) -> LogDeterminant:
     return LogDeterminant(n * last - of_errors, SAFETY * error)
 
 
-def _sum_schur_parameters(column: SharpColumn) -> LogDeterminant:
+def _sum_schur_parameters(column: RefinedColumn) -> LogDeterminant:
     c = column.A.c
     n = len(c)
     x, gamma = schur_column(c)
@@ -195,7 +195,7 @@ def _sum_schur_parameters(column: SharpColumn) -> LogDeterminant:
     return LogDeterminant(of_variance + of_errors, SAFETY * (n * (wrong + of_column) + rounding))
 
 
-def _sum_cepstrum(column: SharpColumn, most: int) -> LogDeterminant | None:
+def _sum_cepstrum(column: RefinedColumn, most: int) -> LogDeterminant | None:
     """Return log det A = n log e + Σ k |ℓₖ|² with log a = Σ ℓₖ zᵏ; None if A⁻¹ is not positive.
 
     The number of samples is increased, up to `most`, until the last terms of the series are small:

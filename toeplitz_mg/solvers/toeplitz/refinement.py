@@ -133,10 +133,10 @@ def solve_and_correct(method: Method, system: ToeplitzSystem, rtol: float | None
         backward_error = error
         noise = _largest(EPS * terms / sizes)  # A bound of the rounding of the residual itself.
         if residual > goal or 2.0 * noise > ILL_CONDITIONED:
-            R, errors, sharp = _measure_sharply(system, X, R, errors, terms)
-            if sharp is not terms:
-                residual, error = _largest(errors / sizes), _largest(errors / (sharp + sizes))
-                backward_error, terms = _largest(errors / (terms + sizes)), sharp
+            R, errors, smaller = _measure_directly(system, X, R, errors, terms)
+            if smaller is not terms:
+                residual, error = _largest(errors / sizes), _largest(errors / (smaller + sizes))
+                backward_error, terms = _largest(errors / (terms + sizes)), smaller
                 noise = _largest(EPS * terms / sizes)
             if noise > 1.0 and not method.is_substitution:
                 if info.residual < inf:
@@ -213,7 +213,7 @@ def _largest(values: Array | float) -> float:
     return float(values.max()) if isinstance(values, np.ndarray) else values
 
 
-def _measure_sharply(
+def _measure_directly(
     system: ToeplitzSystem, X: Rows, R: Rows, errors: Array | float, terms: Array | float
 ) -> tuple[Rows, Array | float, Array | float]:
     """Return residuals, their norms, and the sizes of the terms that rounding is relative to.
@@ -224,8 +224,8 @@ def _measure_sharply(
     if system.n > LARGEST_DENSE:
         return R, errors, terms
     with np.errstate(all="ignore"):  # The residual shows overflow and underflow.
-        sharp = system.sizes_of_terms(X)
-        if not _largest(sharp < UNEVEN * terms):
+        smaller = system.sizes_of_terms(X)
+        if not _largest(smaller < UNEVEN * terms):
             return R, errors, terms
-        R = system.B - system.multiply_sharply(X)
-        return R, system.measure(R), np.fmin(terms, sharp)
+        R = system.B - system.multiply_directly(X)
+        return R, system.measure(R), np.fmin(terms, smaller)

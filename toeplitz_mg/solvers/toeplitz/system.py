@@ -189,7 +189,7 @@ class ToeplitzSystem:
         """Multiply rows by A, in the fastest way for its size."""
         has_cosine_form = "cosine_form" in self.__dict__
         if self.n <= SHORT and not has_cosine_form:
-            return self.multiply_sharply(X) if X.ndim == 1 else X @ self._dense.T
+            return self.multiply_directly(X) if X.ndim == 1 else X @ self._dense.T
         if sum(self.widths) <= FEW_DIAGONALS and not has_cosine_form:
             if X.ndim > 1:
                 return np.stack([self.multiply(x) for x in X])
@@ -199,7 +199,7 @@ class ToeplitzSystem:
             return self.cosine_form.multiply(X)
         return self.A.apply(X) if self.fourier_form is None else self.fourier_form.multiply(X)
 
-    def multiply_sharply(self, X: Rows) -> Rows:
+    def multiply_directly(self, X: Rows) -> Rows:
         """Multiply rows by A by definition: rounding errors are relative to the terms of each sum.
 
         By transforms it would be relative to the largest coefficient times the largest number.
@@ -207,7 +207,7 @@ class ToeplitzSystem:
         if X.ndim == 1:
             # Like `numpy.convolve`, which takes twice as long for some lengths.
             return np.correlate(self.lags, X[::-1].conj(), "valid")
-        return np.stack([self.multiply_sharply(x) for x in X])
+        return np.stack([self.multiply_directly(x) for x in X])
 
     def measure(self, X: Rows) -> Array | float:
         """Return the 2-norms of rows; for split complex rows the joint norm of both parts."""

@@ -20,7 +20,7 @@ MOST_STEPS = 4  # Most corrections; one is enough up to a condition number of so
 
 
 @dataclass(frozen=True)
-class SharpColumn:
+class RefinedColumn:
     """The column x = A⁻¹ e₁, and with it A⁻¹.
 
     Attributes
@@ -67,7 +67,7 @@ class SharpColumn:
             x += self.near_inverse.apply(self.residual(y, x))
 
 
-def sharpen(columns: Columns) -> SharpColumn:
+def refine_column(columns: Columns) -> RefinedColumn:
     """Return the column of a Hermitian matrix, corrected if double precision is not enough.
 
     It is not if a log-determinant would have fewer than twelve digits, or a gradient fewer than
@@ -77,7 +77,7 @@ def sharpen(columns: Columns) -> SharpColumn:
     size = float(x[0].real)
     # A correction would change x₀ by xᴴ (e₁ - A x).
     change = abs(np.vdot(x, columns.errors[0])) + columns.rounding * norm(x) / np.sqrt(n)
-    column = SharpColumn(A, x, float(change) / size, columns.near_inverse)
+    column = RefinedColumn(A, x, float(change) / size, columns.near_inverse)
     is_fine = column.error <= FINE * abs(np.log(size))
     if is_fine and column.polynomial.certificate.condition <= WELL_CONDITIONED:
         return column
@@ -94,4 +94,4 @@ def sharpen(columns: Columns) -> SharpColumn:
             last = 0.0
             break
     x[0] = x[0].real
-    return SharpColumn(A, x, last + 2.0 * EPS, columns.near_inverse, residual)
+    return RefinedColumn(A, x, last + 2.0 * EPS, columns.near_inverse, residual)
