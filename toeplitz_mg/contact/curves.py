@@ -72,6 +72,8 @@ class Curve(Result):
         -------
         matplotlib.axes.Axes
         """
+        if friction is not None:  # Checked before a figure is opened or a point is computed.
+            positive("friction", friction, self.units.get("force", ""))
         ax = pictures.find_axes(ax)
         self._complete()
         columns = self._columns(friction, asks=False)
