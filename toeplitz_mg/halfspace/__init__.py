@@ -49,3 +49,7 @@ __all__ = [
     "stresses_y",
     "stresses_z",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__
