@@ -117,7 +117,7 @@ def find_summary(doc, _):
 
 
 def describe_data(app, what, name, value, options, lines):
-    """Put what stands below a value in its module in the place of the docstring of its class."""
+    """Replace the docstring of a value's class by the one below the value in its module."""
     if isinstance(value, types.UnionType):
         lines[:] = [
             " or ".join(f":obj:`toeplitz_mg.contact.{kind.__name__}`" for kind in value.__args__)

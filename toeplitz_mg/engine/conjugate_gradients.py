@@ -1,4 +1,4 @@
-"""One step of conjugate gradients after the other: what to do with them is left to the caller."""
+"""The recurrence of conjugate gradients, one step at a time; the caller updates x and stops."""
 
 from math import inf
 
@@ -13,31 +13,30 @@ SAFE_SIZES = 1e-100, 1e100  # Numbers whose squares, quotients and sums neither 
 class ConjugateGradients:
     """The search directions of conjugate gradients for A x = b, preconditioned with M.
 
-    Both are symmetric positive definite, or Hermitian where the numbers are complex; the inner
-    products are real then.
+    A and M are symmetric positive definite, or Hermitian positive definite if they are complex.
 
-    The iterate and its residual r = b - A x belong to the caller, who updates them after each
-    step, by ``x += length * direction`` and ``r -= length * product``, and decides when to stop.
-    In between r may be replaced, as by one that is computed anew.
+    The caller owns the iterate x and its residual r = b - A x. After each step the caller updates
+    them by ``x += length * direction`` and ``r -= length * product``, and decides when to stop.
+    Between steps r may be replaced, for example by the true residual.
 
     Parameters
     ----------
     multiply, precondition : callable
-        Products with A and with M. They are called with a vector and with memory of its shape in
-        which they may return the result; `precondition` may also return the vector itself.
+        Products with A and with M. The arguments are a vector and an array of its shape, in which
+        the result may be returned; `precondition` may also return the vector itself.
     vectors : Vectors, optional
         The inner products and updates.
 
     Attributes
     ----------
     direction : ndarray
-        The direction d of the last step. It is used again in the next one, as `product` is.
+        The direction d of the last step. The next step overwrites it, and `product` too.
     product : ndarray
         The product A d.
     rho : float
-        rᴴ M r of the last step; where it is not positive, M is not positive definite, or r is zero.
+        rᴴ M r of the last step. If it is not positive, M is not positive definite or r is zero.
     curvature : float
-        dᴴ A d of the last step; where it is not positive, A is not positive definite.
+        dᴴ A d of the last step. If it is not positive, A is not positive definite.
 
     Examples
     --------
@@ -60,10 +59,10 @@ class ConjugateGradients:
         self.direction: Array = np.empty(0)
         self.product: Array = self.direction
         self.rho = self.curvature = 0.0
-        self._scale = 1.0  # Of M.
+        self._scale = 1.0  # Factor by which M is multiplied.
 
     def step(self, r: Array) -> float:
-        """Find the next direction, and return the length of the step along it.
+        """Return the length of the next step, after computing its direction.
 
         Parameters
         ----------
@@ -73,8 +72,8 @@ class ConjugateGradients:
         Returns
         -------
         float
-            0 where `rho` or `curvature` is found not to be positive, or not to be finite: there is
-            no such step then.
+            The step length, or 0 if `rho` or `curvature` is not positive or not finite; the
+            iteration then cannot go on.
         """
         is_first = self.rho == 0.0
         self.product = self._vectors.empty(r, None if is_first else self.product)
@@ -83,7 +82,7 @@ class ConjugateGradients:
             z = z * self._scale
         self.rho, previous = self._vectors.dot(r, z), self.rho
         if is_first and not SAFE_SIZES[0] < abs(self.rho) < SAFE_SIZES[1]:
-            # M is far from the size of 1: that changes no direction, but what squares would do.
+            # ‖M‖ is far from 1. Scaling M changes no direction, but keeps squares within range.
             peak = self._vectors.peak(z)
             if 0.0 < peak < inf:
                 self._scale = 2.0 ** -int(power_above(peak))
@@ -95,7 +94,7 @@ class ConjugateGradients:
             self.direction = self._vectors.copy(z, self._vectors.empty(r))
         else:
             self.direction = self._vectors.aypx(self.rho / previous, z, self.direction)
-        del z  # Vectors that cannot be changed take memory for it, which the product may have.
+        del z  # Immutable arrays need its memory for the product.
         self.product = self._multiply(self.direction, self.product)
         self.curvature = self._vectors.dot(self.direction, self.product)
         return self.rho / self.curvature if 0.0 < self.curvature < inf else 0.0

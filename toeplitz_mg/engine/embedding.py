@@ -1,9 +1,9 @@
 """The eigenvalues of the matrix in which a product embeds a Toeplitz matrix, axis by axis.
 
-The last axis is transformed at the frequencies k + 1/4 (see `products.ToeplitzProduct`), that of a
-complex matrix at the frequencies k. What is left for each of them is a Toeplitz matrix of the other
-axes, which circulants embed: some frequencies may be done at a time, or on each of several
-processes. The arrays may be of any library.
+The last axis is transformed at the frequencies k + 1/4 (see `products.ToeplitzProduct`), or at the
+frequencies k if the matrix is complex. For each frequency, a Toeplitz matrix on the other axes
+remains, which is embedded in a circulant. The frequencies are independent, so that they can be
+processed in parts or by several processes. The arrays may belong to any library.
 """
 
 from math import pi, prod
@@ -15,17 +15,17 @@ from numpy.typing import DTypeLike
 from toeplitz_mg.engine.lengths import embedding_lengths
 from toeplitz_mg.engine.work import count_transforms
 
-PARTS = 8  # Parts of the frequencies: the memory for zeros is that share of the whole.
-LEAST = 2**22  # Numbers of a part, with its zeros: a GPU would wait for the orders of smaller ones.
+PARTS = 8  # Most parts in which frequencies are processed: only one part is padded at a time.
+LEAST = 2**22  # Fewest numbers in a part, padding included: less work is too little for a GPU.
 
 
 def cut(axis: int, start: int, stop: int | None = None, step: int = 1) -> Any:
-    """Return the index of a part of an array along an axis."""
+    """Return the index that slices an array along an axis."""
     return (*[slice(None)] * axis, slice(start, stop, step), ...)
 
 
 def zeros(library: Any, array: Any, axis: int, length: int) -> Any:
-    """Return zeros as an array has, of another length along an axis."""
+    """Return zeros with the shape and dtype of an array, except for the length along an axis."""
     shape = (*array.shape[:axis], length, *array.shape[axis + 1 :])
     return library.xp.zeros(shape, dtype=array.dtype, device=library.device)
 
@@ -37,19 +37,19 @@ def phases(library: Any, length: int, angle: float, dtype: DTypeLike) -> Any:
 
 
 def parts_of(n: int, numbers: int) -> list[slice]:
-    """Return the parts of n lines, of so many numbers, that are done one after the other."""
+    """Return slices of n lines, `numbers` numbers in total, to process one after the other."""
     count = max(1, min(PARTS, n, numbers // LEAST))
     return [slice(n * k // count, n * (k + 1) // count) for k in range(count)]
 
 
 def split(library: Any, a: Any, axis: int, sign: int) -> tuple[Any, Any]:
-    """Return the coefficients of the lags from 0 on, and those of the lags below 0, -1 the last.
+    """Return the coefficients with lag ≥ 0, and those with lag < 0, both by increasing lag.
 
     Parameters
     ----------
     sign : {1, -1, 0}
-        Whether `a` has the former alone, as the coefficients are even or odd along this axis; of 0
-        it has all, lag zero in the centre.
+        1 or -1 if `a` contains lags ≥ 0 only and the coefficients are even or odd along this axis;
+        0 if `a` contains all lags, lag zero in the centre.
     """
     if not sign:
         n = a.shape[axis] // 2
@@ -61,13 +61,13 @@ def split(library: Any, a: Any, axis: int, sign: int) -> tuple[Any, Any]:
 def around(
     library: Any, ahead: Any, behind: Any, axis: int, length: int, *, is_straight: bool = False
 ) -> Any:
-    """Return a circulant's first column along an axis.
+    """Return the first column of a circulant along an axis.
 
     Parameters
     ----------
     is_straight : bool
-        What is between goes straight from the last coefficient ahead to the first behind, so that
-        an odd block stays odd, and an even one even; else it is zero.
+        Whether the gap is filled by linear interpolation between the last coefficient in `ahead`
+        and the first in `behind`, which keeps odd blocks odd and even ones even, or by zeros.
     """
     missing = length - ahead.shape[axis] - behind.shape[axis]
     between = zeros(library, ahead, axis, missing)
@@ -82,18 +82,18 @@ def around(
 
 
 def transform_around(library: Any, ahead: Any, behind: Any, axis: int, length: int) -> Any:
-    """Transform a circulant's first column along an axis, over its length."""
+    """Return the transform of a circulant's first column along an axis, divided by its length."""
     column = around(library, ahead, behind, axis, length)
     return library.fft.fft(column, axis=axis, norm="forward", **library.in_place)
 
 
 def transform_last(library: Any, a: Any, sign: int, length: int, is_complex: bool = False) -> Any:
-    """Transform coefficients (see `split`) along the last axis, over the length."""
+    """Return the transform of coefficients (see `split`) along the last axis over its length."""
     last = a.ndim - 1
     ahead, behind = split(library, library.cast(a, np.complex128), last, sign)
     if is_complex:
         return transform_around(library, ahead, behind, last, length)
-    # What goes around is imaginary.
+    # Entries that wrap around are multiplied by i.
     column = library.xp.concat(
         [zeros(library, behind, last, length - behind.shape[last]), behind], axis=last
     )
@@ -104,9 +104,9 @@ def transform_last(library: Any, a: Any, sign: int, length: int, is_complex: boo
 
 
 def embed(library: Any, a: Any, is_complex: bool, dtype: DTypeLike) -> Any:
-    """Return the eigenvalues of the embedding of some `Coefficients`, over the lengths.
+    """Return the eigenvalues of the embedding, divided by the transform lengths.
 
-    They are real where the matrix is Hermitian.
+    They are real if the matrix is Hermitian.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Whose transforms are used, which this file alone says: SciPy's, or MKL's where it is installed.
+"""Fourier, cosine and sine transforms from SciPy, or from MKL if it is installed.
 
-`fft`, `rfftn`, `dctn` and the others have names and arguments of `scipy.fft`, and are those of it
-where MKL has none. A backend that is chosen by ``scipy.fft.set_backend`` comes first. The results
-are the same but for rounding, so that any of them continue what others have begun.
+`fft`, `rfftn`, `dctn` and the others have the names and arguments of `scipy.fft`, and call it if
+MKL lacks the transform. A backend set by ``scipy.fft.set_backend`` takes precedence. The libraries
+agree up to rounding, so that one can invert what another has transformed.
 """
 
 import warnings
@@ -22,42 +22,42 @@ from toeplitz_mg.engine.threads import is_backend_set, keep_bits
 from toeplitz_mg.engine.workspace import workspace
 
 NAMES = "mkl", "scipy"
-# Numbers of a transform below which SciPy's is faster, but for complex ones in place: calls and
-# memory take more time than MKL saves.
+# Shortest transform for which MKL is used. Below it, calls and memory cost more than MKL saves,
+# except for complex transforms in place.
 SMALL = 2**13
-_chosen: str | None = None  # By `use_transforms`; None is the first one that is installed.
+_chosen: str | None = None  # Set by `use_transforms`; None stands for MKL if it is installed.
 
 
 def use_transforms(name: str | None = None) -> Any:
-    """Choose whose transforms are used by all products, in all threads, or say whose are.
+    """Choose the library of transforms for all products in all threads, or return its name.
 
     Parameters
     ----------
     name : {"mkl", "scipy"}, optional
-        Those of Intel's MKL are used by default where it is installed, as by
-        ``pip install 'toeplitz-mg[fast]'``. It is loaded by the first transform.
+        By default, Intel's MKL is used if it is installed, for example by
+        ``pip install 'toeplitz-mg[fast]'``. The first transform loads it.
 
     Returns
     -------
     str or context manager
-        The name of those that are used, where none is given. Else what restores the choice before
-        at the end of a ``with`` block; without one this choice stays.
+        The name of the library in use, if no name is given. Otherwise a context manager that
+        restores the previous choice at the end of a ``with`` block; without a block this one stays.
 
     Raises
     ------
     ValueError
-        For any other name.
+        If `name` is anything else.
 
     Warns
     -----
     UserWarning
-        Where MKL is asked for, but not installed: then SciPy's are used.
+        If MKL is requested but not installed; SciPy is used instead.
     RuntimeWarning
-        Where MKL is installed, but broken: then SciPy's are used.
+        If MKL is installed but broken; SciPy is used instead.
 
     See Also
     --------
-    scipy.fft.set_backend : chooses any others, which are used then.
+    scipy.fft.set_backend : chooses any other library, which then takes precedence.
 
     Examples
     --------
@@ -88,10 +88,10 @@ def _choose(name: str | None) -> None:
 
 
 def library() -> Any:
-    """Return whose transforms are used in this thread.
+    """Return the library whose transforms are used in this thread.
 
-    They are those of an `MKL`, SciPy's by its module `fftpack`, whose calls take the least time, or
-    those of a backend by `scipy.fft`.
+    It is an `MKL`, or SciPy's module `fftpack`, whose calls have the least overhead, or `scipy.fft`
+    if a backend is set.
     """
     if is_backend_set():
         return of_scipy
@@ -102,12 +102,12 @@ def library() -> Any:
 
 
 def forward(Z: Array, axis: int = -1) -> None:
-    """Transform complex numbers along an axis, in their own memory."""
+    """Transform complex numbers along an axis, in place."""
     _in_place(Z, axis, "fft", "backward")
 
 
 def backward(Z: Array, axis: int = -1, norm: str = "forward") -> None:
-    """Transform them back, without the factor 1/L, which they have with the norm "backward"."""
+    """Transform back in place, with the factor 1/L only if the norm is "backward"."""
     _in_place(Z, axis, "ifft", norm)
 
 
@@ -126,7 +126,7 @@ def _in_place(Z: Array, axis: int, name: str, norm: str) -> None:
 
 
 def bind(Z: Array, of: Any) -> Any:
-    """Return the transform of a vector in its own memory, and the inverse, by what `library` is."""
+    """Return the in-place transform of a vector and its inverse, from the given `library`."""
     if isinstance(of, MKL):
         return of.bind(Z)
 
@@ -138,7 +138,7 @@ def bind(Z: Array, of: Any) -> Any:
     return in_place(of.fft), in_place(of.ifft)
 
 
-# Those of `scipy.fft` -----------------------------------------------------------------------
+# Transforms with the interface of `scipy.fft` ------------------------------------------------
 
 
 def _scale(norm: str | None, inverse: bool, n: int) -> float:
@@ -148,9 +148,9 @@ def _scale(norm: str | None, inverse: bool, n: int) -> float:
 
 
 def _fit(x: Array, axes: Any, lengths: Any, dtype: str, own: bool | None) -> Array:
-    """Return an array in one piece that is cut, or extended by zeros; a new one if it is to be.
+    """Return a contiguous array, cropped or zero-padded to `lengths`; a copy if `own` is true.
 
-    Where this is None the numbers of a new one are open.
+    If `own` is None, the array is new and its contents are undefined.
     """
     shape = list(x.shape)
     for axis, n in zip(axes, lengths, strict=True):
@@ -166,7 +166,7 @@ def _fit(x: Array, axes: Any, lengths: Any, dtype: str, own: bool | None) -> Arr
 
 
 def _make(name: str) -> Any:
-    """Return the function of `scipy.fft` of this name, by MKL where that takes less time."""
+    """Return the function of `scipy.fft` with this name, using MKL if that is faster."""
     theirs: Any = getattr(of_scipy, name)
     inverse, is_real, has_axis = name[0] == "i", "r" in name, name[-1] != "n"
     chars = "fd" if is_real and not inverse else "fdFD"
@@ -209,23 +209,23 @@ def _make(name: str) -> Any:
         mkl.transform(Z, y, last, inverse, scale)
         return y
 
-    transform.__name__ = transform.__qualname__ = name  # By which it is found when unpickled.
+    transform.__name__ = transform.__qualname__ = name  # Unpickling finds it by this name.
     return transform
 
 
 fft, ifft, rfft, irfft = map(_make, ("fft", "ifft", "rfft", "irfft"))
 fftn, ifftn, rfftn, irfftn = map(_make, ("fftn", "ifftn", "rfftn", "irfftn"))
-# MKL has none of these.
+# Always SciPy's: MKL's interface for transforms has no cosine or sine transforms.
 dctn, idctn, dstn, idstn = of_scipy.dctn, of_scipy.idctn, of_scipy.dstn, of_scipy.idstn
 
 
-# Rows of double precision, whose calls count ------------------------------------------------
+# Transforms of rows in double precision with little overhead --------------------------------
 
 
 def dct(X: Rows, kind: int) -> Rows:
-    """Return the orthonormal cosine transforms of rows, which are lost: they give their memory.
+    """Return the orthonormal cosine transforms of rows, which may be overwritten.
 
-    Those of type 2 and 3 are inverse to each other.
+    Types 2 and 3 are inverse to each other.
     """
     return _cosines(X, kind, fftpack.dct, 1.0)
 
@@ -236,10 +236,10 @@ def dst(X: Rows, kind: int) -> Rows:
 
 
 def _cosines(X: Rows, kind: int, of_scipy: Any, sign: float) -> Rows:
-    """Return cosine transforms, or with the sign -1 sine transforms, which are those in reverse.
+    """Return cosine transforms or, if `sign` is -1, sine transforms, via the reversed cosine ones.
 
-    Long ones are by MKL's real ones (J. Makhoul, A fast cosine transform in one and two dimensions,
-    IEEE Trans. Acoust. Speech Signal Process. 28, 1980).
+    Long ones use real transforms of MKL (J. Makhoul, A fast cosine transform in one and two
+    dimensions, IEEE Trans. Acoust. Speech Signal Process. 28, 1980).
     """
     n = X.shape[-1]
     if n < SMALL or not isinstance(mkl := library(), MKL):
@@ -268,16 +268,16 @@ def _cosines(X: Rows, kind: int, of_scipy: Any, sign: float) -> Rows:
 
 @lru_cache(maxsize=4)
 def _turns(n: int) -> tuple[Array, Array]:
-    """Return exp(-iπk/2n), k = 0 ... n/2, times what makes a transform orthonormal, and back."""
+    """Return exp(-iπk/2n), k = 0 ... n/2, with orthonormal scaling, and the inverse's factors."""
     turns = np.sqrt(2.0 / n) * np.exp(-0.5j * np.pi / n * np.arange(n // 2 + 1))
     turns[0] *= np.sqrt(0.5)
     return turns, 1.0 / (n * turns)
 
 
 def packed_rfft(X: Rows, overwrite_x: bool = False) -> Rows:
-    """Return the transforms of real rows as so many real numbers.
+    """Return the transforms of real rows of length n as n real numbers each.
 
-    They are that of the frequency 0, then the real and the imaginary part of each other one.
+    These are frequency 0, then the real and the imaginary part of each further frequency.
     """
     if X.shape[-1] < SMALL or not isinstance(library(), MKL):
         return fftpack.rfft(X, overwrite_x=overwrite_x)
@@ -287,7 +287,7 @@ def packed_rfft(X: Rows, overwrite_x: bool = False) -> Rows:
 
 
 def packed_irfft(Y: Rows, overwrite_x: bool = False) -> Rows:
-    """Return the real rows of which these are the transforms."""
+    """Return the real rows from the transforms that `packed_rfft` returns."""
     n = Y.shape[-1]
     if n < SMALL or not isinstance(library(), MKL):
         return fftpack.irfft(Y, overwrite_x=overwrite_x)

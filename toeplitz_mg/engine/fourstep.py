@@ -1,19 +1,19 @@
 """The four-step transform: long complex transforms in panels that fit the cache.
 
-A transform of length L = N₁ N₂, the vector as an N₁ × N₂ matrix x[j₁, j₂] in C order, is
+With the vector as an N₁ × N₂ matrix x[j₁, j₂] in C order, a transform of length L = N₁ N₂ is
 
     Z[k₁, k₂] = Σ_j₂ W_N₂^(j₂ k₂) · W_L^(j₂ k₁) · Σ_j₁ W_N₁^(j₁ k₁) x[j₁, j₂],   W_N = exp(-2πi/N),
 
-short transforms of the columns, the twiddle factors, and short transforms of the rows. What is
-done between it and its inverse, a multiplication by eigenvalues, is done in the order [k₁, k₂], so
-that nothing is transposed. The columns are copied to a panel of some of them, which stays in the
-cache while it is transformed; so do a few rows at a time.
+that is, short transforms of the columns, twiddle factors, and short transforms of the rows. The
+eigenvalues are multiplied in the order [k₁, k₂], so that nothing is transposed. Columns are copied
+to panels, which stay in the cache while they are transformed. Rows are transformed in blocks, which
+stay in the cache too.
 
-The frequencies may be shifted, k + s in the place of k, which diagonalises the matrices that are
-circulant but for a factor exp(-2πis) on what goes around: s = 0 circulants, 1/2 skew-circulants,
-1/4 the right-angle convolution of `products`. The factors exp(-2πi j s/L) of a shift are
-u[j₁] = exp(-2πi j₁ s/N₁) before the columns, and the rest is part of the twiddle factors,
-exp(-2πi j₂ (k₁ + s)/L).
+Frequencies k + s with a shift s diagonalise the matrices that are circulant except for a factor
+exp(-2πis) on the entries that wrap around: circulants for s = 0, skew-circulants for s = 1/2, the
+right-angle convolution of `products` for s = 1/4. A shift multiplies x by exp(-2πi j s/L). Of this,
+u[j₁] = exp(-2πi j₁ s/N₁) is applied before the transform of the columns, and the twiddle factors
+exp(-2πi j₂ (k₁ + s)/L) contain the rest.
 
 References
 ----------
@@ -32,21 +32,21 @@ from toeplitz_mg.engine.fourier import forward
 from toeplitz_mg.engine.threads import share, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
-# Matrices whose products make a sum: of all its terms the shifts and the eigenvalues of the first
-# factors, then those of the second ones, and so on.
+# A sum of products of matrices: the shifts and eigenvalues of the first factors of all terms, then
+# those of the second factors, and so on.
 Factors = Sequence[tuple[tuple[float, ...], Sequence[Array]]]
 
-# Bytes of a panel of columns: it stays in the cache, and with 512 rows each piece of a row still
-# has two kilobytes.
+# Most bytes of a panel of columns. It fits the cache, and with 512 rows each piece of a row that is
+# copied still has two kilobytes.
 PANEL_BYTES = 2**20
-BLOCK_BYTES = 2**19  # Bytes of a block of rows, and of its twiddle factors, which share the cache.
-# Blocks whose twiddle factors are made one from the other before they are made anew: each step adds
-# to the rounding.
+BLOCK_BYTES = 2**19  # Most bytes of a block of rows; its twiddle factors take the same again.
+# Number of blocks after which twiddle factors are computed from their formula. In between they
+# follow from those of the previous block, which accumulates rounding errors.
 ANCHOR = 32
 
 
 class FourStep:
-    """Transforms of length N₁ N₂ of long rows, one after the other (see `transforms.OneStep`).
+    """Transforms of length N₁ N₂ for long rows, one after the other (see `transforms.OneStep`).
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class FourStep:
         N₁ and N₂.
     dtype : complex64 or complex128
     width, height : int, optional
-        The columns of a panel and the rows of a block; by default so many as stay in the cache.
+        Columns of a panel and rows of a block; by default as many as stay in the cache.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class FourStep:
         self.dtype, self.shape, self.length = np.dtype(dtype), (rows, columns), rows * columns
         panel, block = (size // self.dtype.itemsize for size in (PANEL_BYTES, BLOCK_BYTES))
         panels = -(-columns * rows // panel)
-        # It is an odd multiple of 4: a power of 2 would bring all rows to one part of the cache.
+        # An odd multiple of 4, as with a power of 2 all rows would compete for the same cache sets.
         self.width = width or min(columns, (-(-columns // panels) + 3) // 8 * 8 + 4)
         self.height = height or min(rows, max(2, block // columns))
 
     def astype(self, dtype: DTypeLike) -> "FourStep":
-        """Return the plan for numbers of another precision."""
+        """Return the plan for another precision."""
         return self if self.dtype == dtype else FourStep(*self.shape, dtype)
 
     def weights(self, shift: float) -> Array:
@@ -76,9 +76,9 @@ class FourStep:
         return _weights(self.shape[0], shift, self.dtype)
 
     def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
-        """Transform a vector, given by its parts, to the order [k₁, k₂].
+        """Return the transform of the vector ``real + i imag``, in the order [k₁, k₂].
 
-        The result is a `workspace`: what is to be kept for long had better be a copy.
+        The result is a `workspace`; copy it if it is kept for long.
         """
         X, Y = real.reshape(self.shape), None if imag is None else imag.reshape(self.shape)
         u, W = self.weights(shift), workspace(self.shape, self.dtype)
@@ -98,7 +98,7 @@ class FourStep:
         return W
 
     def parts(self, spectrum: Array, shift: float) -> tuple[Array, Array]:
-        """Return the real and the imaginary part of the vector that has a spectrum."""
+        """Return the real and the imaginary part of the inverse transform of a spectrum."""
         real, imag = parts = np.empty((2, *self.shape), self.dtype.char.lower())
         u, W = self.weights(shift) / self.length, workspace(self.shape, self.dtype)
 
@@ -119,17 +119,17 @@ class FourStep:
         return real, imag
 
     def in_order(self, spectrum: Array) -> Array:
-        """Return a spectrum in the order of the frequencies, k₁ + N₁ k₂."""
+        """Return a spectrum in the order of the frequencies k₁ + N₁ k₂."""
         return spectrum.T.ravel()
 
     def eigenvalues(self, spectrum: Array) -> Array:
-        """Prepare a spectrum for the products."""
+        """Return a spectrum in the form that `multiply` needs."""
         char = self.dtype.char if np.iscomplexobj(spectrum) else self.dtype.char.lower()
         eigenvalues = np.empty(self.shape, char)
         return np.divide(spectrum, self.length, out=eigenvalues, casting="same_kind")
 
     def multiply(self, X: Array, factors: Factors, out: Array) -> None:
-        """Write the products of rows with a sum of products of matrices (see `OneStep`)."""
+        """Write the products of rows with a sum of matrix products to `out` (see `OneStep`)."""
         *others, last = zip(*(zip(*stage, strict=True) for stage in factors), strict=True)
         for x, y in zip(X, out, strict=True):
             rest = None
@@ -142,7 +142,7 @@ class FourStep:
     def _multiply(
         self, x: Array, factors: Sequence[tuple[float, Array]], rest: Array | None, y: Array
     ) -> None:
-        """Write the product of a vector with these matrices, plus the rest, to y."""
+        """Write the product of a vector with these matrices, plus `rest`, to y."""
         W, first, last = workspace(self.shape, self.dtype), factors[0][0], factors[-1][0]
         u, v, (y_rows, y_end) = self.weights(first), self.weights(last), self._fold(y)
         rows, end = self._fold(x)
@@ -172,7 +172,7 @@ class FourStep:
         for k, (shift, eigenvalues) in enumerate(factors):
 
             def transform(rows: slice, twiddles: Array, eigenvalues: Array = eigenvalues) -> None:
-                # There and back, to the conjugate.
+                # Transform, scale, and transform the conjugate, which gives the conjugate result.
                 R = W[rows]
                 R *= twiddles
                 forward(R)
@@ -195,7 +195,7 @@ class FourStep:
         self._transform_columns(W, store=store)
 
     def _fold(self, x: Array) -> tuple[Array, Array]:
-        """Return the full rows of a vector as a matrix, and what is left."""
+        """Return the full rows of a vector as a matrix, and the remaining entries."""
         columns = self.shape[1]
         whole = len(x) // columns * columns
         return x[:whole].reshape(-1, columns), x[whole:]
@@ -206,7 +206,7 @@ class FourStep:
         load: Callable[[slice, Array], None] | None = None,
         store: Callable[[slice, Array], None] | None = None,
     ) -> None:
-        """Transform the columns, a panel at a time: those of W, and to W, unless it is said."""
+        """Transform columns by panels, read from W or by `load`, written to W or by `store`."""
         rows, columns = self.shape
 
         def work(part: slice) -> None:
@@ -225,7 +225,7 @@ class FourStep:
         share_slices(work, columns, self.width, self.length)
 
     def _share_rows(self, work: Callable[[slice, Array], None], shift: float) -> None:
-        """Do the work for all blocks of rows k₁, with their twiddle factors."""
+        """Call `work` for all blocks of rows k₁, with their twiddle factors."""
 
         def do(blocks: range) -> None:
             for rows, twiddles in self._blocks(blocks, shift):
@@ -234,12 +234,12 @@ class FourStep:
         share(do, -(-self.shape[0] // self.height), self.length)
 
     def _blocks(self, blocks: range, shift: float) -> Iterator[tuple[slice, Array]]:
-        """Yield the rows k₁ of each block, and its twiddle factors, in the same memory for all."""
+        """Yield the rows k₁ of each block and its twiddle factors, whose memory is reused."""
         rows, columns = self.shape
         first, step = _twiddles(rows, columns, self.height, shift, self.dtype)
-        row = step  # Any value will do, as the first block makes its own.
+        row = step  # Placeholder: the first block computes its own.
         memory = workspace((self.height, columns), self.dtype)
-        # From the last anchor on: what a block has must not depend on the first one of its thread.
+        # Start at a multiple of ANCHOR, so that no result depends on where a thread starts.
         for block in range(blocks.start // ANCHOR * ANCHOR, blocks.stop):
             start = block * self.height
             stop = min(rows, start + self.height)
@@ -260,13 +260,13 @@ def _weights(rows: int, shift: float, dtype: np.dtype[Any]) -> Array:
 def _twiddles(
     rows: int, columns: int, height: int, shift: float, dtype: np.dtype[Any]
 ) -> tuple[Array, Array]:
-    """Return the twiddle factors of the first block, and those that lead from block to block."""
+    """Return the twiddle factors of the first block, and their ratio from block to block."""
     L = rows * columns
     angles = np.outer(np.arange(height) + shift, np.arange(columns)) / L
     return np.exp(-2j * np.pi * angles).astype(dtype), _row_of_twiddles(height, columns, L)
 
 
 def _row_of_twiddles(k1: int, columns: int, L: int) -> Array:
-    """Return exp(-2πi j₂ k₁/L) for all j₂, from arguments that are reduced to one turn."""
+    """Return exp(-2πi j₂ k₁/L) for all j₂, with j₂ k₁ reduced modulo L for accuracy."""
     turns = np.arange(columns, dtype=np.int64) * k1 % L / L
     return np.exp(-2j * np.pi * turns)

@@ -1,4 +1,4 @@
-"""The space that GMRES searches, one dimension more with each product."""
+"""The Krylov space of GMRES, which each product extends by one dimension."""
 
 from collections.abc import Callable
 from math import inf, isfinite
@@ -10,20 +10,20 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.vectors import add_combination, dots, norm
 
-CANCELLED = 0.5  # Part of a vector's size that may be left before it is made orthogonal again.
-ROUNDING = 10.0  # Machine epsilons that are left of a product which the space holds already.
+CANCELLED = 0.5  # Orthogonalisation is repeated while it reduces the norm by more than this factor.
+ROUNDING = 10.0  # Machine epsilons of relative norm below which a new vector is only rounding.
 
 
 class KrylovSpace:
-    """An orthonormal basis of r, A r, A² r, ..., and what in this space makes ‖r - A x‖ least.
+    """An orthonormal basis of r, A r, A² r, ..., and the x in this space with least ‖r - A x‖.
 
     Parameters
     ----------
     multiply : callable
-        Products with A. It is called with a vector and with memory of its shape in which it may
-        return the result.
+        Products with A. The arguments are a vector and an array of its shape, in which the result
+        may be returned.
     basis : Basis
-        Where the vectors are, which may be fields; one more than the largest dimension.
+        Memory for the vectors (or fields): one more than the largest dimension.
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class KrylovSpace:
 
     Notes
     -----
-    The products are ``A basis[:k] = H basis[:k + 1]``. The residual is r's part that is orthogonal
-    to them: along the vector g that is orthogonal to the columns of H, and whose entries follow one
-    from the other. So ‖r - A x‖ = ‖r‖/‖g‖, where g₀ = 1.
+    The products are ``A basis[:k] = H basis[:k + 1]``. The least residual is the part of r that is
+    orthogonal to them. It is parallel to the vector g that is orthogonal to the columns of H, whose
+    entries follow recursively from g₀ = 1. Hence ‖r - A x‖ = ‖r‖/‖g‖.
 
     References
     ----------
@@ -63,7 +63,7 @@ class KrylovSpace:
         self.dimension, self.most = 0, most
 
     def begin(self, r: Array) -> None:
-        """Start from a residual, which is not zero and not changed."""
+        """Start from a residual, which is nonzero and is not changed."""
         self._size = self._least = self.basis.norm(r)
         self.basis.put(0, r, self._size or 1.0)
         self._H[...] = 0.0
@@ -71,14 +71,13 @@ class KrylovSpace:
         self.dimension = 0
 
     def extend(self) -> float:
-        """Add a dimension by one product.
+        """Return the least ‖r - A x‖ in the space, after adding a dimension by one product.
 
         Returns
         -------
         float
-            The least norm ‖r - A x‖ of all x in the space. It is 0 where the space can grow no
-            more: where it holds the solution, if A is not singular, or where a product is not
-            finite.
+            The least norm ‖r - A x‖ over all x in the space, or 0 if the space cannot grow. Then it
+            contains the solution, if A is not singular, or a product is not finite.
         """
         k, basis = self.dimension, self.basis
         w = basis.take(k + 1, self._multiply(basis.vectors[k], basis.memory(k + 1)))
@@ -93,7 +92,7 @@ class KrylovSpace:
         return self._least
 
     def _orthogonalise(self, w: Array, whole: float) -> float:
-        """Make the last product, of this size, the next vector, and return the least residual."""
+        """Return the least residual, after orthonormalising the last product, of norm `whole`."""
         k, H, g, basis = self.dimension, self._H, self._g, self.basis
         size, before = whole, inf
         while size < CANCELLED * before:
@@ -109,7 +108,7 @@ class KrylovSpace:
         return self._size / norm(g[: k + 2])
 
     def solution(self) -> Array:
-        """Return the x in the space that makes ‖r - A x‖ least."""
+        """Return the x in the space that minimises ‖r - A x‖."""
         k, x = self.dimension, self.basis.zeros()
         if k > 0:
             first = np.zeros(k + 1)
@@ -120,15 +119,15 @@ class KrylovSpace:
 
 
 class Basis:
-    """Memory for the vectors of a basis, and what is done with them.
+    """Memory for the vectors of a basis, and operations with them.
 
     Parameters
     ----------
     shape : tuple of int
-        That of the vectors.
+        The shape of the vectors.
     dtype : float32, float64, complex64 or complex128
     most : int
-        The largest dimension; one vector more is kept.
+        The largest dimension; one more vector is stored.
     """
 
     norm = staticmethod(norm)
@@ -139,17 +138,17 @@ class Basis:
         self.dtype, self.most = np.dtype(dtype), most
 
     def memory(self, k: int) -> Array:
-        """Return where the vector k may be written."""
+        """Return the memory of vector k."""
         return self.vectors[k]
 
     def take(self, k: int, w: Array) -> Array:
-        """Return the vector k, which is w."""
+        """Return vector k, after copying w to it."""
         if w is not self.vectors[k]:
             self.vectors[k][...] = w
         return self.vectors[k]
 
     def put(self, k: int, w: Array, size: float) -> None:
-        """Keep w divided by a number as the vector k; by infinity as zeros, whatever w has."""
+        """Store w / size as vector k; zeros if the size is infinite, even if w is not finite."""
         if size == inf:
             self.vectors[k] = 0.0
         else:
@@ -160,7 +159,7 @@ class Basis:
         return dots(self._rows[:k], w.reshape(-1))
 
     def add(self, weights: Array, w: Array) -> Array:
-        """Add the combination of the first vectors with these weights to w, and return it."""
+        """Return w, after adding the combination of the first vectors with these weights."""
         add_combination(weights, self._rows[: len(weights)], w.reshape(-1))
         return w
 

@@ -1,4 +1,4 @@
-"""Lengths whose transforms are fast."""
+"""Transform lengths that are fast."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -7,16 +7,16 @@ from math import isqrt
 
 from scipy.fft import next_fast_len
 
-# Prime factors of the lengths whose transforms are called fast.
+# Prime factors that a fast length may have.
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61)
-# Sum of prime factors that takes as long as what is done for each number whatever the factors are.
+# Cost per number that does not depend on the length, in units of one prime factor's value.
 PASSES_OF_ANY = 40
 
 
 def near_fast_length(n: int) -> int:
-    """Return the next length whose transform is not slow, but not always among the fastest.
+    """Return the least length ≥ n without prime factors above 61.
 
-    No prime factor is above 61. The next length without one above 5 may be some percent longer.
+    Lengths without prime factors above 5 are faster, but the next one may be some percent longer.
     """
     return next(m for m in count(n) if _is_fast(m))
 
@@ -26,16 +26,16 @@ def _is_fast(m: int) -> bool:
 
 
 def work_of_transform(m: int) -> int:
-    """Return what the time of a transform of length m is in proportion to, nearly.
+    """Return the work of a transform of length m, roughly proportional to its time.
 
-    Each prime factor is a pass over all numbers, with as many operations for each. What is done
-    before and behind these passes takes as long for any factors.
+    Each prime factor p is a pass over all numbers with p operations for each. The work before and
+    after these passes does not depend on the factors.
     """
     return m * (PASSES_OF_ANY + sum(prime_factors(m)))
 
 
 def prime_factors(m: int) -> list[int]:
-    """Return the prime factors, and what is left where one of them is too large to look for."""
+    """Return the prime factors up to 61, and the remaining cofactor if it is not 1."""
     found = []
     for p in PRIMES:
         while m % p == 0:
@@ -45,9 +45,9 @@ def prime_factors(m: int) -> list[int]:
 
 
 def embedding_lengths(grid_shape: Sequence[int], *, is_complex: bool = False) -> tuple[int, ...]:
-    """Return the lengths of the transforms along each axis for a product on a grid.
+    """Return the transform lengths along each axis for a product on a grid.
 
-    All axes but the last are extended by zeros; of a complex matrix the last one too.
+    All axes except the last are extended by zeros; if the matrix is complex, the last one too.
     """
     *others, last = grid_shape
     last = 2 * last - 1 if is_complex else last
@@ -56,12 +56,12 @@ def embedding_lengths(grid_shape: Sequence[int], *, is_complex: bool = False) ->
 
 @lru_cache(maxsize=64)
 def near_square(length: int) -> tuple[int, int]:
-    """Return two fast lengths, not far from each other, whose product is hardly above `length`."""
+    """Return two fast lengths of similar size whose product is at least, but close to, `length`."""
     root = isqrt(length)
     shapes = []
     rows = next_fast_len(max(1, root // 2))
     while rows <= 2 * root + 1:
         shapes.append((rows, next_fast_len(-(-length // rows))))
         rows = next_fast_len(rows + 1)
-    # Fewer rows have longer pieces in a panel.
+    # Prefer fewer rows than columns: panels then contain longer pieces of each row.
     return min(shapes, key=lambda s: (s[0] * s[1], abs(s[0] - 2 * root // 3)))

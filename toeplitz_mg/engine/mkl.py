@@ -1,6 +1,6 @@
-"""The transforms of Intel's MKL, by its functions in C: complex ones in place, and real ones.
+"""The transforms of Intel's MKL, called through its C functions: complex in place, and real.
 
-Each has one thread: those of MKL would change the bits, and `threads.share` has others.
+Each call runs on one thread. MKL's threads would change the last bits, `threads.share` does not.
 """
 
 import ctypes
@@ -21,26 +21,26 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.threads import PIECE, TRANSFORM, share
 
 FILES = "lib/libmkl_rt.so*", "Library/bin/mkl_rt*.dll"  # Where pip and conda put the library.
-# What its header mkl_dfti.h calls so, and of the settings of input and output both.
+# Constants of the header mkl_dfti.h; pairs are the settings for input and output.
 SINGLE, DOUBLE, REAL, COMPLEX, COMPLEX_COMPLEX, NOT_INPLACE = 35, 36, 33, 32, 39, 44
 SCALES, TRANSFORMS, STORAGE, PLACEMENT, STRIDES, DISTANCES = (4, 5), 7, 10, 11, (12, 13), (14, 15)
 THREAD_LIMIT, THREADING_SEQUENTIAL = 27, 1
 
 
 class Plan(c_void_p):
-    """A descriptor of transforms of MKL, which several threads may use at once.
+    """A descriptor of MKL transforms, which several threads may use at once.
 
     Parameters
     ----------
     library : CDLL
     char : str
-        That of the dtype: of a real one, real numbers are transformed to half a spectrum, or back.
+        Character of the dtype. If it is real, real numbers are transformed to half a spectrum, or
+        back.
     length : int
     scale : float
-        What the results are multiplied by.
+        Factor of the results.
     lines : (int, (int, int), (int, int))
-        Their count, and how far it is from number to number and from line to line, of what is read
-        and of what is written.
+        Count, strides between numbers, and distances between lines, each for input and output.
     """
 
     def __init__(
@@ -65,14 +65,14 @@ class Plan(c_void_p):
 
 
 class MKL:
-    """The library in a file; an OSError or AttributeError where it is none, or cannot be loaded."""
+    """MKL, loaded from a file; OSError or AttributeError if that fails or the file is not MKL."""
 
     def __init__(self, path: str) -> None:
         try:
             library = ctypes.CDLL(path, os.RTLD_NOLOAD)
         except (AttributeError, OSError):
             library = ctypes.CDLL(path)
-            # Nothing else in this process has loaded it, which might want its threads.
+            # Nothing else in this process has loaded MKL, so nobody else relies on its threads.
             library.MKL_Set_Threading_Layer(THREADING_SEQUENTIAL)
 
         def check(status: int) -> None:
@@ -89,16 +89,16 @@ class MKL:
         self._layout = lru_cache(maxsize=512)(self._calls)
 
     def bind(self, Z: Array) -> list[Callable[[], object]]:
-        """Return the transform of a complex vector in its own memory, and the inverse one."""
+        """Return the in-place transform of a complex vector, and its inverse, as callables."""
         address, char, n = c_void_p(Z.ctypes.data), Z.dtype.char, len(Z)
         pairs = zip(self._compute, (1.0, 1.0 / n), strict=True)
         return [partial(compute, self._plan(char, n, scale), address) for compute, scale in pairs]
 
     def transform(self, x: Array, y: Array, axis: int, inverse: bool, scale: float) -> None:
-        """Write the transforms of the lines along an axis of `x`, times a factor, to `y`.
+        """Write the transforms of the lines along an axis of `x`, times `scale`, to `y`.
 
-        Both are the same complex array, or one is real, and the other has the half of its spectrum
-        up to the middle.
+        Either `x` and `y` are the same complex array, or one is real and the other is the
+        non-negative half of its spectrum.
         """
         real, at_once = y if x.dtype.kind == "c" else x, get_workers() == 1
         plan, sizes = (real.dtype.char, real.shape[axis], scale), (x.itemsize, y.itemsize)
@@ -118,14 +118,14 @@ class MKL:
     def _calls(
         self, plan: Any, shape: Any, axis: int, ways: Any, ways_out: Any, sizes: Any, at_once: bool
     ) -> list[tuple[Plan, int, int]]:
-        """Return the calls by which an array is transformed: plans, and where they begin in it."""
-        # Lines that are as far from each other as those of the axis before are of that axis.
+        """Return the calls that transform an array: plans, and byte offsets of input and output."""
+        # Merge axes whose lines are equally spaced in memory.
         axes: list[tuple[int, int, int]] = []
         for s, t, n, k in sorted(zip(ways, ways_out, shape, range(len(shape)), strict=True))[::-1]:
             if n > 1 and k != axis:
                 outer = axes.pop() if axes and axes[-1][:2] == (n * s, n * t) else (0, 0, 1)
                 axes.append((s, t, n * outer[2]))
-        # One call transforms those that are the nearest.
+        # One call transforms the lines with the smallest spacing.
         s, t, count = axes.pop() if axes else (0, 0, 1)
         starts = [(0, 0)]
         for i, j, n in axes:
@@ -140,7 +140,7 @@ class MKL:
 
 @lru_cache(maxsize=1)
 def load() -> MKL | None:
-    """Return the library if it is installed; None, with a warning, if it is broken."""
+    """Return MKL if it is installed and works, else None; warn if it is broken."""
     roots = [Path(root) for root in (sys.prefix, site.getuserbase()) if root]
     paths = [str(path) for root in roots for pattern in FILES for path in root.glob(pattern)]
     if not paths:

@@ -1,12 +1,12 @@
 """Products with Toeplitz matrices of several axes, whose entries may be small matrices.
 
 Each line along the last axis is transformed as in `products.ToeplitzProduct`, at the frequencies
-k + 1/4, without an extension by zeros. What is left for each frequency is a Toeplitz matrix of the
-other axes, which are extended by zeros. These passes are those of the library of the arrays:
-`passes.PanelPasses` of NumPy's, `arrays.passes.PlainPasses` of others.
+k + 1/4, without an extension by zeros. For each frequency, a Toeplitz matrix on the other axes
+remains, and these are extended by zeros. The passes depend on the array library:
+`passes.PanelPasses` for NumPy, `arrays.passes.PlainPasses` for others.
 
-A complex matrix has no imaginary part to spare for what goes around: of it the last axis is
-extended as the others are, and transformed at the frequencies k.
+If the matrix is complex, the imaginary part cannot separate the entries that wrap around. The last
+axis is then extended by zeros too, and transformed at the frequencies k.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,28 +22,28 @@ from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.embedding import embed
 from toeplitz_mg.engine.lengths import embedding_lengths
 
-# The coefficients, or the eigenvalues, of each pair of components; None where they are zero.
+# The coefficients, or the eigenvalues, for each pair of components; None if they are all zero.
 Blocks = Sequence[Sequence[Any]]
 
 
 class MultilevelProduct:
-    """Multiplication by a Toeplitz matrix of several axes, or by blocks of such.
+    """Multiplication by a Toeplitz matrix with several axes, or by a block matrix of these.
 
     Parameters
     ----------
     library : Library
-        That of the arrays.
+        The array library.
     grid_shape : tuple of int
         (components, n₁, ..., n_d).
     dtype : float32, float64, complex64 or complex128
-        That of the matrix: whether it is complex decides how it is embedded.
+        The dtype of the matrix. Real and complex matrices are embedded differently.
     blocks : sequence of sequences of Coefficients or None
-        For each pair of components (i, j) what takes component j of the vector to component i of
-        the result. The vectors have the components one after the other. It is needed only where
-        the product is small, and so a dense one.
+        For each pair (i, j), the block that maps component j of the vector to component i of the
+        result. The vectors contain one component after the other. Only small products, which are
+        dense, need the blocks.
     spectrum : sequence of sequences of ndarray or None
-        For each pair of components the eigenvalues of the embedding, divided by the lengths of the
-        inverse transforms; None in the place of all where the product is a dense one.
+        For each pair of components, the eigenvalues of the embedding, divided by the lengths of the
+        inverse transforms. None as a whole if the product is dense.
     """
 
     def __init__(
@@ -66,15 +66,15 @@ class MultilevelProduct:
     def of(
         cls, library: Any, blocks: Blocks, dtype: DTypeLike, known: Blocks | None = None
     ) -> "MultilevelProduct":
-        """Make the product from the coefficients of each pair of components.
+        """Return the product, constructed from the coefficients for each pair of components.
 
         Parameters
         ----------
         library, blocks, dtype
-            Parameters of the class.
+            As for the class.
         known : sequence of sequences of ndarray or None, optional
-            For each pair of components the eigenvalues that another product has, if one has them;
-            None where they have to be computed.
+            For each pair of components, eigenvalues taken from another product, or None if they
+            have to be computed.
         """
         grid_shape = (len(blocks), *next(a.grid_shape for row in blocks for a in row if a))
         if prod(grid_shape) <= library.dense:
@@ -96,11 +96,11 @@ class MultilevelProduct:
 
     @property
     def spectrum(self) -> Blocks | None:
-        """The eigenvalues of each pair of components; None where the product is a dense one."""
+        """The eigenvalues for each pair of components, or None if the product is dense."""
         return self.passes and self.passes.spectrum
 
     def adjoint(self) -> "MultilevelProduct":
-        """Return the multiplication by the conjugate transpose; no transform is made."""
+        """Return the multiplication by the conjugate transpose, without any transform."""
 
         def turned(change: Callable[[Any], Any], rows: Any) -> Any:
             return rows and _map(change, zip(*rows, strict=True))
@@ -110,25 +110,25 @@ class MultilevelProduct:
         return MultilevelProduct(self.library, self.grid_shape, self.dtype, blocks, spectra)
 
     def astype(self, dtype: DTypeLike) -> "MultilevelProduct":
-        """Return the multiplication in another precision; no transform is made."""
+        """Return the multiplication in another precision, without any transform."""
         cast = self.library.cast_numbers
         spectra = self.spectrum and _map(lambda s: cast(s, dtype), self.spectrum)
         return MultilevelProduct(self.library, self.grid_shape, dtype, self._blocks, spectra)
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm, by the largest eigenvalues of the blocks."""
+        """An upper bound of the 2-norm, from the largest eigenvalues of the blocks."""
         xp, is_complex = self.library.xp, self.dtype.kind == "c"
         spectra = self.spectrum or _map(
             lambda a: embed(self.library, a, is_complex, self.dtype), self._blocks or ()
         )
         sizes = _map(lambda s: float(xp.max(xp.abs(s))) if prod(s.shape) else 0.0, spectra)
-        # SciPy's norm scales what it squares, so that numbers of any size do not overflow.
+        # SciPy's norm scales numbers before it squares them, so that none overflow.
         return float(norm([size or 0.0 for row in sizes for size in row])) * prod(self.lengths)
 
     @cached_property
     def _matrix(self) -> Array:
-        """The transpose of the matrix, as vectors are rows."""
+        """The transpose of the dense matrix, because vectors are rows."""
         grid = self.grid_shape[1:]
         points = np.indices(grid).reshape(len(grid), -1)
         zero = np.zeros((points.shape[1],) * 2)
@@ -151,12 +151,12 @@ class MultilevelProduct:
 
 
 def _map(change: Callable[[Any], Any], blocks: Any) -> list[list[Any]]:
-    """Change what is not None."""
+    """Return the blocks, with `change` applied to all that are not None."""
     return [[None if block is None else change(block) for block in row] for row in blocks]
 
 
 def entries(lags: Array, rows: Sequence[Array] | Array, columns: Sequence[Array] | Array) -> Array:
-    """Return the a[i - j] of all pairs of points, which are given by their index on each axis."""
+    """Return a[i - j] for all pairs of points, given by their indices on each axis."""
     lag = (
         np.subtract.outer(i, j) + m // 2 for i, j, m in zip(rows, columns, lags.shape, strict=True)
     )

@@ -1,7 +1,7 @@
-"""The passes of a product along several axes, for the cache of a processor (see `multilevel`).
+"""The passes of a product along several axes, arranged for a CPU cache (see `multilevel`).
 
-The transforms skip the lines that are zero on the way in, and those that are cut off on the way
-out. They work on a panel of some frequencies of the last axis that stays in the cache.
+Forward transforms skip lines of zeros, and inverse transforms skip lines that are cut off. They
+work on panels of some frequencies of the last axis, which stay in the cache.
 """
 
 from functools import cached_property
@@ -17,17 +17,17 @@ from toeplitz_mg.engine.threads import TRANSFORM, share_slices
 from toeplitz_mg.engine.transforms import in_batches, phase_factors
 from toeplitz_mg.engine.workspace import workspace
 
-WHOLE_BYTES = 2**22  # Bytes of an extended field up to which it stays in the cache as a whole.
-NARROW = 8  # Least frequencies of a panel: shorter pieces of a line take as long to copy.
+WHOLE_BYTES = 2**22  # Largest extended field in bytes that fits the cache, so needs no panels.
+NARROW = 8  # Fewest frequencies in a panel: copying shorter pieces of a line takes as long.
 
 
 class PanelPasses:
-    """The passes of a `multilevel.MultilevelProduct` of NumPy's arrays.
+    """The passes of a `multilevel.MultilevelProduct` for NumPy arrays.
 
     Parameters
     ----------
     grid_shape, dtype, lengths, spectrum
-        Those of the product.
+        As for the product.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class PanelPasses:
     ) -> None:
         self._components, *grid = grid_shape
         self._grid, self.lengths, self.spectrum = tuple(grid), lengths, spectrum
-        self.precision = np.dtype(dtype.char.upper())  # That of the frequencies.
+        self.precision = np.dtype(dtype.char.upper())  # The dtype of the transforms.
         self._is_complex = dtype.kind == "c"
 
     def multiply(self, X: Array, out: Array) -> Array:
@@ -56,7 +56,7 @@ class PanelPasses:
         self._leave(lines[-1], out.reshape(fields))
 
     def rows_in(self, fields: Array) -> Array:
-        """Transform fields, shape (rows, components, n₁, ..., n), along their last axis."""
+        """Return the transforms along the last axis of fields (rows, components, n₁, ..., n)."""
         n, L = self._grid[-1], self.lengths[-1]
         x = fields.reshape(-1, n)
         Z = workspace((len(x), L), self.precision)
@@ -69,13 +69,13 @@ class PanelPasses:
         return Z.reshape(*fields.shape[:-1], L)
 
     def columns_through(self, matrix: Array, first: int = 0) -> Array:
-        """Multiply frequencies of the last axis by their matrices of the others, in place.
+        """Multiply frequencies of the last axis by their matrices on the other axes, in place.
 
         Parameters
         ----------
         matrix : ndarray of shape (rows, components, n₁, ..., frequencies)
         first : int
-            The place in the spectrum of the first of these frequencies.
+            The index of the first of these frequencies in the spectrum.
         """
         count = matrix.shape[-1]
         line = len(matrix) * self._components * prod(self.lengths[:-1]) * matrix.itemsize
@@ -94,7 +94,7 @@ class PanelPasses:
         return matrix
 
     def rows_out(self, Z: Array, fields: Array) -> Array:
-        """Transform what `rows_in` has returned back, into fields."""
+        """Return `fields`, with the inverse of `rows_in` applied to `Z`."""
         n, L = self._grid[-1], self.lengths[-1]
         Z, y = Z.reshape(-1, L), fields.reshape(-1, n)
         height = max(1, BLOCK_BYTES // (L * Z.itemsize))
@@ -107,14 +107,14 @@ class PanelPasses:
 
     @cached_property
     def _phases(self) -> tuple[Array, Array] | None:
-        """The factors that shift the frequencies by 1/4 and back; None of a complex matrix."""
+        """The factors that shift the frequencies by 1/4 and back; None for a complex matrix."""
         if self._is_complex:
             return None
         w = phase_factors(self.lengths[-1], 0.25, self.precision)[: self._grid[-1]]
         return w, w.conj()
 
     def _enter(self, x: Array, R: Array) -> None:
-        """Transform lines along the last axis into `R`, which is longer."""
+        """Write the transforms of lines along the last axis, extended by zeros, to `R`."""
         n, phases = x.shape[-1], self._phases
         if phases is None:
             R[..., :n] = x
@@ -124,7 +124,7 @@ class PanelPasses:
         forward(R)
 
     def _leave(self, R: Array, y: Array) -> None:
-        """Transform what `_enter` has returned back, into `y`."""
+        """Write the inverse of `_enter`, applied to `R`, to `y`."""
         backward(R)
         R, phases = R[..., : y.shape[-1]], self._phases
         if phases is None:
@@ -134,20 +134,20 @@ class PanelPasses:
             y[...] = R.real
 
     def _lines(self, P: Array) -> list[Array]:
-        """Return views of an extended field.
+        """Return views of an extended field, one for each axis.
 
-        Number k has the lines along axis k, where the axes before are not extended, or cut again.
+        View k contains the lines along axis k; the axes before k are restricted to the grid.
         """
         return [P[cut] for cut in self._cuts]
 
     @cached_property
     def _cuts(self) -> list[tuple[slice, ...]]:
-        """The indices of these."""
+        """The indices of the views in `_lines`."""
         whole = (slice(None),) * 2
         return [(*whole, *map(slice, self._grid[:k])) for k in range(len(self._grid))]
 
     def _columns(self, lines: list[Array], columns: slice) -> None:
-        """Multiply some frequencies of the last axis, given these views, in place."""
+        """Multiply some frequencies of the last axis, given the views of `_lines`, in place."""
         grid = self._grid[:-1]
         for k in reversed(range(len(grid))):
             lines[k][:, :, *self._cuts[k][2:], grid[k] :] = 0.0

@@ -1,4 +1,4 @@
-"""Multiplication by matrices that fast transforms diagonalise, or a circulant embeds."""
+"""Multiplication by matrices that a fast transform diagonalises, directly or after embedding."""
 
 from collections.abc import Callable
 from functools import cached_property, partial
@@ -20,31 +20,30 @@ from toeplitz_mg.engine.work import axes_of, count_transforms, count_work
 from toeplitz_mg.engine.workspace import workspace
 from toeplitz_mg.values import refuse_masked
 
-NEAR_ONE = 1e-9, 1e9  # Sizes of vectors that are multiplied in single precision as they are.
-SHIFTS = {"f": (0.25,), "c": (0.0, 0.5)}  # Of the embeddings of `ToeplitzProduct`.
-DENSE = 256  # Unknowns up to which a product with the dense matrix is faster than any transform.
+NEAR_ONE = 1e-9, 1e9  # Peak values between which single precision needs no scaling of a vector.
+SHIFTS = {"f": (0.25,), "c": (0.0, 0.5)}  # Shifts of the frequencies in `ToeplitzProduct`.
+DENSE = 256  # Most unknowns for which the dense matrix is faster than transforms.
 
 
 class Product(Protocol):
-    """Multiplication of rows by a matrix: what all kinds of products have in common."""
+    """The interface of all products: multiplication of rows by a matrix."""
 
-    dtype: np.dtype[Any]  # The precision of the products, whatever that of the vectors.
-    points: float  # The work of a product, in grid points.
+    dtype: np.dtype[Any]  # Dtype of the products, whatever the dtype of the vectors is.
+    points: float  # Work of a product, in grid points.
 
     def multiply(self, X: Array, out: Array) -> None:
         """Multiply the rows of `X`, of shape (rows, N), into `out`, which may be `X`.
 
-        They are real where the matrix is, and of any kind where that is complex.
+        If the matrix is real, the rows are real; if it is complex, they may be real or complex.
         """
 
 
 def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array:
-    """Multiply the rows of `X`, shape (..., N), into `out`, of the same shape, or a new array.
+    """Return the products with the rows of `X`, shape (..., N), in `out` or in a new array.
 
-    It is the ``__call__`` of every product.
-
-    The result has the dtype that NumPy gives to the product of a matrix and a vector of these
-    dtypes. `out` may be `X`. A real matrix multiplies the two parts of complex vectors.
+    This is the ``__call__`` of every product. The dtype of a new array is the one that NumPy gives
+    to the product of a matrix and a vector of these dtypes. `out` has the shape of `X` and may be
+    `X`. A real matrix multiplies the real and the imaginary part of complex vectors.
     """
     if product.dtype.kind == "c":
         if out is not None and out.dtype.kind != "c":
@@ -55,7 +54,7 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
         return out
     if out is None:
         out = np.empty(X.shape, np.result_type(X, product.dtype))
-    if not X.size:  # Vectors are rows here, and there may be none.
+    if not X.size:  # There may be no rows.
         return out
     n = X.shape[-1]
     rows = X.reshape(-1, n)
@@ -68,12 +67,12 @@ def multiply_rows(product: Product, X: Array, out: Array | None = None) -> Array
 
 
 def _multiply_in_range(product: Product, rows: Array, out: Array) -> None:
-    """Multiply rows of double precision by a matrix of single precision, whose range is small.
+    """Multiply rows in double precision by a matrix in single precision, whose range is smaller.
 
-    Where they are far from 1 they are scaled by powers of two, which changes no digit.
+    Rows whose peak is far from 1 are scaled by powers of two, which is exact.
     """
     low, high = NEAR_ONE
-    find = izamax if rows.dtype.char == "D" else idamax  # Of one row it takes a single call.
+    find = izamax if rows.dtype.char == "D" else idamax  # One call for each row.
     if all(low < abs(row[find(row)]) < high for row in rows):
         product.multiply(rows, out)
         return
@@ -85,20 +84,20 @@ def _multiply_in_range(product: Product, rows: Array, out: Array) -> None:
 
 
 class ToeplitzProduct:
-    """Multiplication by a Toeplitz matrix of one axis.
+    """Multiplication by a Toeplitz matrix with one axis.
 
-    Up to `DENSE` unknowns it is by the matrix itself. A larger real one is embedded in a matrix of
-    size L ≥ n that is circulant but for a factor i on what goes around: with the lags a,
+    Up to `DENSE` unknowns the dense matrix is used. A larger real matrix with coefficients a is
+    embedded in a matrix of size L ≥ n, in which entries that wrap around are multiplied by i:
 
         Re of the matrix with the first column a_k + i a_(k-L)    (k = 0 … L - 1)
 
-    has the Toeplitz matrix as its leading block, as what goes around is imaginary. The transform
-    at the frequencies k + 1/4 diagonalises it: one complex transform each way, of length n in the
-    place of real ones of length 2 n that are half zeros. Of a symmetric matrix the eigenvalues are
-    real, Σ a_k cos kθ.
+    has the Toeplitz matrix as its leading block, as the entries that wrap around are imaginary. The
+    transform at the frequencies k + 1/4 diagonalises it. A product takes one complex transform of
+    length L each way instead of zero-padded real ones of length 2 L. If the matrix is symmetric,
+    the eigenvalues Σ a_k cos kθ are real.
 
-    A complex matrix is embedded in the mean of a circulant and a skew-circulant of size L, with the
-    first columns a_k ± a_(k-L), which transforms at the frequencies k and k + 1/2 diagonalise.
+    A complex matrix is embedded in the mean of a circulant and a skew-circulant of size L, whose
+    first columns are a_k ± a_(k-L). Transforms at the frequencies k and k + 1/2 diagonalise them.
 
     References
     ----------
@@ -118,15 +117,14 @@ class ToeplitzProduct:
     ) -> None:
         self.grid_shape, self.dtype, self.points = (n,), np.dtype(dtype), float(n)
         self._band = band
-        # Of each matrix in which this one is embedded, in the order of the plan; none if it is
-        # small.
+        # The eigenvalues of each embedding, in the order of the plan; empty if the matrix is dense.
         self._plan, self._spectra = plan, spectra
 
     @classmethod
     def of(cls, column: Array, row: Array, dtype: DTypeLike) -> "ToeplitzProduct":
-        """Make the product from the first column and row.
+        """Return the product, constructed from the first column and row.
 
-        They are the same array where the matrix is real and symmetric.
+        Pass the same array twice if the matrix is real and symmetric.
         """
         n = len(column)
         if n <= DENSE:
@@ -135,20 +133,20 @@ class ToeplitzProduct:
         return cls(n, dtype, None, plan, _spectra(column, row, np.dtype(dtype), plan))
 
     def adjoint(self) -> "ToeplitzProduct":
-        """Return the multiplication by the conjugate transpose; no transform is made."""
+        """Return the multiplication by the conjugate transpose, without any transform."""
         band = self._band and (self._band[1].conj(), self._band[0].conj())
         spectra = tuple(spectrum.conj() for spectrum in self._spectra)
         return ToeplitzProduct(self.grid_shape[0], self.dtype, band, self._plan, spectra)
 
     def astype(self, dtype: DTypeLike) -> "ToeplitzProduct":
-        """Return the multiplication in another precision; no transform is made."""
+        """Return the multiplication in another precision, without any transform."""
         spectra = tuple(cast_numbers(spectrum, dtype) for spectrum in self._spectra)
         plan = self._plan and self._plan.astype(np.dtype(dtype).char.upper())
         return ToeplitzProduct(self.grid_shape[0], dtype, self._band, plan, spectra)
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: that of the matrix of size L."""
+        """An upper bound of the 2-norm, from the norms of the embeddings of size L."""
         plan, spectra = self._plan, self._spectra
         if not spectra:
             assert self._band is not None
@@ -162,7 +160,7 @@ class ToeplitzProduct:
         return np.ascontiguousarray(toeplitz(*self._band), self.dtype)
 
     def __call__(self, X: Array, out: Array | None = None) -> Array:
-        """Do what `multiply_rows` does, and a single short vector with fewer calls."""
+        """Return what `multiply_rows` returns, with less overhead for a single short vector."""
         n = self.grid_shape[0]
         if n >= LONG or X.shape != (n,) or X.dtype != self.dtype or self.dtype.kind == "c":
             return multiply_rows(self, X, out)
@@ -209,20 +207,20 @@ def _spectra(
 
 
 def cast_numbers(array: Array, dtype: DTypeLike) -> Array:
-    """Bring numbers, real ones or complex ones, to the precision of a dtype of either kind."""
+    """Return numbers in the precision of a dtype; real ones stay real, complex ones complex."""
     char = np.dtype(dtype).char
     return array.astype(char.upper() if array.dtype.kind == "c" else char.lower(), copy=False)
 
 
 class Transforms(NamedTuple):
-    """A transform that diagonalises an algebra of matrices, and its inverse."""
+    """A transform that diagonalises a class of matrices, and its inverse."""
 
     forward: Callable[..., Array]
     backward: Callable[..., Array]
 
 
-# These diagonalise circulants, real and complex ones, and the matrices of the DCT-II, of the DST-II
-# and of the DST-I.
+# For real circulants, complex circulants, and the matrices diagonalised by the DCT-II, the DST-II
+# and the DST-I.
 FOURIER = Transforms(fourier.rfftn, fourier.irfftn)
 COMPLEX_FOURIER = Transforms(fourier.fftn, fourier.ifftn)
 COSINE = Transforms(*[partial(f, norm="ortho") for f in (fourier.dctn, fourier.idctn)])
@@ -231,25 +229,26 @@ TAU = Transforms(*[partial(fourier.dstn, type=1, norm="ortho")] * 2)  # It is it
 
 
 class DiagonalisedProduct:
-    """Multiplication by a matrix that a fast transform diagonalises, as a circulant.
+    """Multiplication by a matrix that a fast transform diagonalises, such as a circulant.
 
-    The vectors live on a grid, are extended by zeros to the size of the matrix, and cut again.
+    The vectors are grid functions. They are extended by zeros to the size of the matrix, and the
+    products are restricted to the grid.
 
     Parameters
     ----------
     spectrum : ndarray
-        The eigenvalues, real where the matrix is Hermitian; of a circulant the ``rfftn`` of its
-        first column, or the ``fftn`` where that is complex. Of matrices between the components of
-        a field those of each pair, along two axes before these.
+        The eigenvalues, real if the matrix is Hermitian. For a circulant they are the ``rfftn`` of
+        its first column, or the ``fftn`` if it is complex. A matrix that couples the components of
+        a field has two leading axes, for the pairs of components.
     fft_shape : tuple of int
         The size of the matrix along each axis.
     grid_shape : tuple of int
-        The size of the vectors, at most `fft_shape` along each axis; before it the components,
-        where the spectrum has those.
+        The size of the grid, at most `fft_shape` along each axis, after the number of components if
+        the spectrum couples components.
     dtype : float32, float64, complex64 or complex128
-        That of the matrix.
+        The dtype of the matrix.
     transforms : Transforms
-        Of numbers of that kind.
+        The transforms, for real or complex numbers as `dtype` requires.
     """
 
     grid_shape: tuple[int, ...]
@@ -262,7 +261,7 @@ class DiagonalisedProduct:
         dtype: DTypeLike = np.float64,
         transforms: Transforms = FOURIER,
     ) -> None:
-        # A product with a Toeplitz matrix on this grid has transforms twice as long on each axis.
+        # One product with a Toeplitz matrix has transforms twice as long on each axis.
         grid = grid_shape[-len(fft_shape) :]
         self._components = prod(grid_shape[: -len(fft_shape)])
         points = self._components * prod(fft_shape) / 2 ** axes_of(grid)
@@ -271,12 +270,12 @@ class DiagonalisedProduct:
         self.spectrum = cast_numbers(refuse_masked("spectrum", spectrum), self.dtype)
         self.fft_shape = fft_shape
         self._grid, self._axes = grid, tuple(range(-len(grid), 0))
-        # The first axis is taken by parts, which are cut where these are.
+        # Crops all axes except the first, which threads share.
         self._cut: Any = (..., *(slice(n) for n in grid[1:]))
 
     @property
     def is_hermitian(self) -> bool:
-        """Whether the eigenvalues are real, or those matrices Hermitian to the last bit."""
+        """Whether the eigenvalues are real, or their matrices exactly Hermitian if coupled."""
         if self.spectrum.dtype.kind != "c":
             return True
         is_coupled = self.grid_shape != self._grid
@@ -284,7 +283,7 @@ class DiagonalisedProduct:
 
     @property
     def norm_bound(self) -> float:
-        """A bound of the 2-norm: the largest size of an eigenvalue, or of such a matrix."""
+        """An upper bound of the 2-norm: the largest norm of an eigenvalue or coupling matrix."""
         if self.grid_shape == self._grid:
             return float(np.abs(self.spectrum).max())
         return float(np.linalg.norm(self.spectrum, axis=(0, 1)).max())
@@ -313,8 +312,8 @@ class DiagonalisedProduct:
     def _multiply(self, X: Array, out: Array) -> None:
         x, y = (rows.reshape(-1, *self._grid) for rows in (X, out))
         forward, backward = self.transforms
-        # Vectors that fill the matrix are transformed where they are. Others are extended by zeros
-        # in memory where transforms to real numbers stay.
+        # Vectors of the size of the matrix need no copy. Others are extended by zeros in a
+        # workspace, which real-to-real transforms then overwrite.
         is_whole = self.fft_shape == self._grid and x.dtype == self.dtype
         grid = x if is_whole else workspace((len(x), *self.fft_shape), self.dtype)
 

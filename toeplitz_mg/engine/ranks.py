@@ -1,7 +1,7 @@
-"""The processes that share the rows of a vector: one that has them all, unless an operator says so.
+"""The processes that share the rows of a vector; by default, a single process has all of them.
 
-An operator names its `ranks`, by default `SERIAL`. `toeplitz_mg.slabs` has those of several
-machines, of which each multiplies its own rows.
+An operator may have an attribute `ranks`; the default is `SERIAL`. The operators of
+`toeplitz_mg.slabs` have several processes, each of which multiplies its own rows.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,25 +16,25 @@ Callback = Callable[..., object] | None
 
 
 class Ranks:
-    """One process, which has all rows; in `slabs.messages.Messages` there are several."""
+    """One process that has all rows; `slabs.messages.Messages` implements several."""
 
     def agree(self) -> AbstractContextManager[dict[str, Any]]:
-        """Return what arguments are checked in, so that all processes raise the same error.
+        """Return a context in which arguments are checked, so that all processes raise one error.
 
-        What has to be the same in all of them is put into the dictionary, by its name.
+        Its dictionary takes, by name, the values that must be the same in all processes.
         """
         return nullcontext({})
 
     def share_errors(self, callback: Callback) -> Callback:
-        """Return a callback, or None; where it raises in one process, all raise an error."""
+        """Return the callback, changed to raise in all processes if it raises in one."""
         return callback
 
     def gather(self, number: Any) -> Sequence[Any]:
-        """Return a number, or an array of numbers, of each process, in the order of these."""
+        """Return the numbers (or arrays) of all processes, in the order of the processes."""
         return (number,)
 
     def vectors_for(self, A: Any, dtype: np.dtype[Any]) -> Any:
-        """Return the inner products and updates of an iteration with A for numbers of a dtype."""
+        """Return the vector operations for an iteration with A in a dtype."""
         return getattr(A, "vectors", VECTORS)
 
 
@@ -42,10 +42,10 @@ SERIAL = Ranks()
 
 
 def ranks_of(A: Any) -> Ranks:
-    """Return the processes that share the rows of an operator; of what names none it is one."""
+    """Return the processes that share the rows of A: `A.ranks`, or `SERIAL` if it has none."""
     return getattr(A, "ranks", SERIAL)
 
 
 def is_serial(A: Any) -> bool:
-    """Whether an operator multiplies vectors that a single process has all of."""
+    """Whether a single process has all rows of the vectors that A multiplies."""
     return ranks_of(A) is SERIAL

@@ -1,8 +1,8 @@
 """Products, Cholesky factors and inverses of small matrices, without the threads of BLAS.
 
-Those of OpenBLAS, once awake, wait for more to do on cores that our own threads need: for a tenth
-of a second, by default, after a factorisation that takes a thousandth. A library cannot change how
-many it has, and it takes one where there is little to do.
+After a call the threads of OpenBLAS spin on their cores, by default for a tenth of a second, even
+if the call took a millisecond. They then slow down the threads of this package. A library should
+not change their number for its users; but OpenBLAS takes one thread if a call is small.
 """
 
 import numpy as np
@@ -11,11 +11,11 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 from toeplitz_mg._typing import Array
 
 BLOCK = 64  # Rows of the blocks of a matrix.
-MOST = BLOCK**3  # Multiplications in a product up to which OpenBLAS takes one thread.
+MOST = BLOCK**3  # Most multiplications in a matrix product that OpenBLAS does on one thread.
 
 
 def multiply(A: Array, X: Array) -> Array:
-    """Return the product A X of a small matrix with one that may have many columns."""
+    """Return A X for a small matrix A and an X that may have many columns."""
     product = np.empty((len(A), X.shape[1]))
     width = max(1, MOST // A.size)
     for k in range(0, X.shape[1], width):
@@ -24,9 +24,9 @@ def multiply(A: Array, X: Array) -> Array:
 
 
 def factorise(A: Array) -> Array:
-    """Return the Cholesky factor U of a symmetric matrix A = Uᵀ U, an upper triangle.
+    """Return the upper Cholesky factor U of a symmetric matrix A = Uᵀ U.
 
-    It raises a LinAlgError where the matrix is not positive definite.
+    It raises a LinAlgError if the matrix is not positive definite.
     """
     U = np.triu(A)
     starts = range(0, len(A), BLOCK)
@@ -44,12 +44,12 @@ def factorise(A: Array) -> Array:
 
 
 def invert(A: Array) -> Array:
-    """Return the inverse of a symmetric positive definite matrix of at most `BLOCK` rows.
+    """Return the inverse of a symmetric positive definite matrix with at most `BLOCK` rows.
 
-    It raises a LinAlgError where the matrix is not positive definite.
+    It raises a LinAlgError if the matrix is not positive definite.
     """
     factor, fails = dpotrf(A)
-    # Of `dpotri` OpenBLAS makes threads.
+    # `dpotri` would start threads of OpenBLAS.
     inverse, singular = dtrtri(factor, overwrite_c=True)
     if fails or singular:
         raise np.linalg.LinAlgError("the matrix is not positive definite")

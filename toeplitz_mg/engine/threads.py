@@ -1,7 +1,7 @@
-"""A loop that `scipy.fft.set_workers` shares among threads.
+"""Loops whose parts run on as many threads as `scipy.fft.set_workers` specifies.
 
-What the threads do must not depend on how many there are: the parts of a sum are cut by their size,
-and a part that a thread does is what any other would make of it. So results have the same bits.
+Results have the same bits for any number of threads: the size of a part does not depend on that
+number, and neither does the result of a part on its thread.
 """
 
 import os
@@ -18,40 +18,40 @@ from scipy import fft
 
 from toeplitz_mg._typing import Array
 
-# What hands on the backends of `scipy.fft` is no public name of SciPy's: no other file knows of it.
+# The backends of `scipy.fft` are a private module of SciPy; only this file uses it.
 uarray: Any = getattr(getattr(fft, "_backend", None), "ua", None)
 
-DOMAIN = "numpy.scipy.fft"  # Its name of the functions of `scipy.fft`.
+DOMAIN = "numpy.scipy.fft"  # Name of the functions of `scipy.fft` in uarray.
 
-Work = Callable[[range], None]  # Does the parts that have these numbers.
+Work = Callable[[range], None]  # Processes the parts with these indices.
 
-# Numbers of a loop from which on two threads make it faster, not slower. Each thread more needs as
-# many more, or it waits for the interpreter's lock: on 16 cores the products of 1024² unknowns gain
-# 3.3 with 8 threads, and with 16 only 1.7.
+# Fewest numbers in a loop for which two threads are faster than one. Each further thread needs as
+# many again, otherwise threads wait for the interpreter's lock: on 16 cores, products with 1024²
+# unknowns are 3.3 times faster with 8 threads, but only 1.7 times with 16.
 WORTH_THREADS = 2**19
-TRANSFORM = 4  # What a number counts that is transformed: threads gain on 370² elements, not 256².
-TOGETHER = 16  # Lines that transforms in single precision take together at most.
-PIECE = 2**16  # Numbers that a thread does at once: what comes in between stays in the cache.
-# Pieces for each thread: one that has the core to itself takes those of another that has not.
+TRANSFORM = 4  # Weight of a transformed number: threads are worth it for 370² elements, not 256².
+TOGETHER = 16  # Most lines that SciPy transforms together in single precision (SIMD).
+PIECE = 2**16  # Numbers in a piece of work: intermediate results stay in the cache.
+# Pieces for each thread. With several, a fast thread takes over pieces of one that shares its core.
 PIECES = 4
 
 
 def share(work: Work, count: int, points: int) -> None:
-    """Do all parts, by as many threads as ``scipy.fft.set_workers`` says.
+    """Process all parts, on as many threads as ``scipy.fft.set_workers`` specifies.
 
-    Within the work each thread is one: neither transforms nor a loop within are shared again. Where
-    there is one part only, what it does may be. All transform by the backend of `scipy.fft` that is
-    set in this thread. Where a part raises, or this thread is interrupted, the others are ended
-    first: they write to arrays of the caller.
+    Within the work, transforms and nested loops use one thread, unless there is only one part. All
+    threads use the backend of `scipy.fft` that is set in this thread. If a part raises an error or
+    this thread is interrupted, the other threads stop before the error is passed on, because they
+    write to arrays of the caller.
 
     Parameters
     ----------
     work : callable
-        It is called with a range of some parts.
+        Called with a range of part indices.
     count : int
         The number of parts.
     points : int
-        The numbers of all parts, which say whether threads are worth it.
+        The numbers in all parts together, which decide whether threads are worth it.
     """
     threads = fft.get_workers()
     is_large = points >= WORTH_THREADS
@@ -65,7 +65,7 @@ def share(work: Work, count: int, points: int) -> None:
     rest = list(map(range, bounds[:-1], bounds[1:]))[::-1]
 
     def do() -> None:
-        # Each thread takes the next piece that nobody has.
+        # Each thread takes the next piece that is left.
         while rest:
             try:
                 part = rest.pop()
@@ -79,17 +79,17 @@ def share(work: Work, count: int, points: int) -> None:
         for _ in range(workers - 1):
             other: Future[None] = Future()
             others.append(other)
-            # The context has what NumPy does about overflow.
+            # The context contains NumPy's error state (`numpy.errstate`).
             help_out: Any = partial(copy_context().run, do_task, task, backends, other)
-            # Where Python ends, or the system has no more, no thread can be started. The task may
-            # be queued all the same, and another thread take it: so its future is our own.
+            # No thread can be started if Python is shutting down or the system has none left. The
+            # task may be queued nevertheless, so that another thread runs it: keep its future.
             with suppress(RuntimeError):
                 _threads(threads - 1, os.getpid()).submit(help_out)
         with fft.set_workers(1):
             do()
     finally:
         rest.clear()
-        # A thread that has not woken up yet has nothing left to do.
+        # Threads that have not started yet have nothing left to do.
         others = [other for other in others if not other.cancel()]
         wait_for_all(others)
         task.clear()
@@ -98,10 +98,10 @@ def share(work: Work, count: int, points: int) -> None:
 
 
 def chosen_backends() -> Callable[[], AbstractContextManager[None]] | None:
-    """Return what makes a context in which any thread has the backends of `scipy.fft` of this one.
+    """Return a factory of contexts that give any thread this thread's backends of `scipy.fft`.
 
-    ``scipy.fft.set_backend`` sets one in the thread that calls it. It is None where this SciPy
-    hands them on by other names: then no thread may do what another was asked for.
+    ``scipy.fft.set_backend`` applies to the thread that calls it. The result is None if this
+    version of SciPy has other private names; work must then stay on the calling thread.
     """
     try:
         return partial(uarray.set_state, uarray.get_state())
@@ -110,7 +110,7 @@ def chosen_backends() -> Callable[[], AbstractContextManager[None]] | None:
 
 
 def is_backend_set() -> bool:
-    """Whether a backend of `scipy.fft` is chosen, in this thread or for all, or may be."""
+    """Whether a backend of `scipy.fft` is set, for this thread or globally, or may be set."""
     try:
         of_all, of_thread, _ = uarray.get_state()._pickle()
         default = of_all[DOMAIN][0][0]
@@ -121,10 +121,10 @@ def is_backend_set() -> bool:
 
 
 def keep_bits(dtype: DTypeLike, lines: int = 1) -> AbstractContextManager[None]:
-    """Return what SciPy's transforms of so many lines are made in, so that they have the same bits.
+    """Return a context in which SciPy's transforms do not depend on the number of threads.
 
-    In single precision lines that are transformed together, up to `TOGETHER`, have other bits than
-    those that are left over, and each of SciPy's threads has some that are: there is one then.
+    In single precision, lines that are transformed together, up to `TOGETHER`, round differently
+    from the remaining lines of a thread. The context sets one thread if any would remain.
     """
     if np.dtype(dtype).char in "dD" or (workers := fft.get_workers()) == 1:
         return nullcontext()
@@ -134,20 +134,20 @@ def keep_bits(dtype: DTypeLike, lines: int = 1) -> AbstractContextManager[None]:
 
 
 def share_slices(work: Callable[[slice], None], length: int, size: int, points: int) -> None:
-    """Do the slices of a size, of which the last may be shorter, as `share` does parts."""
+    """Process slices of a given size (the last may be shorter) as the parts of `share`."""
 
     def do(blocks: range) -> None:
         for block in blocks:
             work(slice(block * size, min(length, (block + 1) * size)))
 
     if 0 < length <= size and fft.get_workers() == 1:
-        work(slice(0, length))  # In a small system each call more is a part of the time.
+        work(slice(0, length))  # Avoid the overhead of calls, which matters in small systems.
         return
     share(do, -(-length // size), points)
 
 
 def share_rows(work: Callable[[slice], None], field: Array) -> None:
-    """Do slices of the first axis of a field, of a `PIECE` each; of a small field all at once."""
+    """Process a field in slices of its first axis, of `PIECE` numbers each; a small one at once."""
     if field.size < WORTH_THREADS:
         work(slice(0, len(field)))
     else:
@@ -155,10 +155,10 @@ def share_rows(work: Callable[[slice], None], field: Array) -> None:
 
 
 def elementwise(function: Callable[..., Array], *fields: Array, out: Array | None = None) -> Array:
-    """Return what a function of each element makes of fields, in `out` or in a new array.
+    """Return an elementwise function of fields, in `out` or in a new array.
 
-    Threads share the pieces that it is called with, for which the fields are cut along the first
-    axis. So all fields have the same shape. One thread calls it once, as each call costs.
+    The fields have the same shape. Threads call the function with slices of the first axis of the
+    fields; a single thread calls it once, because each call has overhead.
     """
     if out is None and (fields[0].size < WORTH_THREADS or fft.get_workers() == 1):
         return function(*fields)
@@ -174,10 +174,10 @@ def elementwise(function: Callable[..., Array], *fields: Array, out: Array | Non
 
 
 def do_task(task: list[Callable[[], None]], backends: Any, done: Future[None]) -> None:
-    """Do a task by the backends of who waits for it, and let go of it; nothing if nobody waits.
+    """Run a task with the backends of the thread that waits for it, unless it was cancelled.
 
-    A thread keeps its arguments a moment longer than its caller waits. It must not keep a
-    workspace, which the next product would have to do without.
+    A thread holds references to its arguments a moment after its caller has gone on. The task is in
+    a list that the caller clears, so that no workspace stays in use.
     """
     if not done.set_running_or_notify_cancel():
         return
@@ -191,7 +191,7 @@ def do_task(task: list[Callable[[], None]], backends: Any, done: Future[None]) -
 
 
 def wait_for_all(others: list[Future[None]]) -> None:
-    """Wait for all, and only then pass on an interrupt."""
+    """Wait for all futures, and only then raise an interrupt."""
     interrupt: BaseException | None = None
     while not all(other.done() for other in others):
         try:
@@ -204,5 +204,5 @@ def wait_for_all(others: list[Future[None]]) -> None:
 
 @lru_cache(maxsize=4)
 def _threads(number: int, process: int) -> ThreadPoolExecutor:
-    """Return threads that keep their workspaces; those of a parent process are not ours."""
+    """Return a pool of threads, which keep their workspaces; a forked process has its own pool."""
     return ThreadPoolExecutor(number, thread_name_prefix=f"toeplitz_mg {process}")

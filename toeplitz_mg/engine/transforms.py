@@ -1,4 +1,4 @@
-"""Transforms of rows: short ones at once, long ones in steps, and what is done with them."""
+"""Transforms of rows, in one step if they are short or in four if long, and products by these."""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -18,37 +18,37 @@ from toeplitz_mg.engine.threads import TRANSFORM, WORTH_THREADS, share_slices
 from toeplitz_mg.engine.work import count_transforms
 from toeplitz_mg.engine.workspace import workspace
 
-LONG = 2**15  # Length from which on a transform in four steps is faster than one at once.
-LONG_OF_MKL = 2**16  # With MKL up to this length, and for any power of two, it is not.
-BATCH = 2**15  # Numbers of a batch of short vectors: so many stay in the cache.
+LONG = 2**15  # Shortest length for which four steps are faster than one transform.
+LONG_OF_MKL = 2**16  # Longest length for which MKL is used in one step; powers of 2 always are.
+BATCH = 2**15  # Most numbers in a batch of short vectors: as many as stay in the cache.
 
 
 class OneStep:
-    """Transforms of a length at once: many short vectors, or those of no near, fast factors."""
+    """Transforms of one length in one step: short vectors, or lengths without suitable factors."""
 
     def __init__(self, length: int, dtype: DTypeLike) -> None:
         self.length = length
         self.dtype = np.dtype(dtype)
         self._kept: dict[tuple[float, ...], tuple[list[Any], list[Any], str]] = {}
-        # What multiplies one vector, with the memory for it: who uses it has taken it from here.
+        # Functions that multiply one vector, each with its own memory; a thread removes one to use.
         self._spare: defaultdict[Any, list[Callable[[Array, Array], Array]]] = defaultdict(list)
 
     def __reduce__(self) -> Any:
         return OneStep, (self.length, self.dtype)
 
     def astype(self, dtype: DTypeLike) -> "OneStep":
-        """Return the plan for numbers of another precision."""
+        """Return the plan for another precision."""
         return self if self.dtype == dtype else OneStep(self.length, dtype)
 
     def weights(self, shift: float) -> Array:
-        """Return the factors exp(-2πi j s/L) of a shift, which is not 0, shape (L,)."""
+        """Return the factors exp(-2πi j s/L) of a nonzero shift, shape (L,)."""
         return self._turns((shift,))[0][0]
 
     def _turns(self, shifts: tuple[float, ...]) -> tuple[list[Any], list[Any], str]:
-        """Return the factors of these shifts, those of the way back, and the norm of the inverse.
+        """Return the factors of shifts, those for the inverse, and the norm of the inverse.
 
-        They are None for a shift of 0. With other shifts the inverse has a factor 1/L, as in
-        `multiply_vector`, and the factors of the way back undo it.
+        Factors are None for a shift of 0. If no shift is 0, the inverse transform has a factor 1/L,
+        as in `multiply_vector`, and the factors for the inverse contain L to compensate.
         """
         if shifts not in self._kept:
             w = {shift: phase_factors(self.length, shift, self.dtype) for shift in shifts if shift}
@@ -59,12 +59,12 @@ class OneStep:
         return self._kept[shifts]
 
     def spectrum(self, real: Array, imag: Array | None, shift: float) -> Array:
-        """Transform a vector at the frequencies k + s.
+        """Return the transform of a vector at the frequencies k + s.
 
         Parameters
         ----------
         real, imag : ndarray of shape (L,)
-            The parts of the vector; None in the place of the imaginary one where it is zero.
+            The real and imaginary part of the vector; `imag` may be None for zero.
         shift : float
             The shift s.
         """
@@ -74,7 +74,7 @@ class OneStep:
         )
 
     def parts(self, spectrum: Array, shift: float) -> tuple[Array, Array]:
-        """Return the real and the imaginary part of the vector that has a spectrum."""
+        """Return the real and the imaginary part of the inverse transform of a spectrum."""
         vector = fourier.ifft(spectrum) * self.weights(shift).conj()
         return vector.real, vector.imag
 
@@ -83,21 +83,21 @@ class OneStep:
         return spectrum
 
     def eigenvalues(self, spectrum: Array) -> Array:
-        """Prepare a spectrum for the products."""
+        """Return a spectrum in the form that `multiply` needs."""
         spectrum = spectrum / self.length
         if np.iscomplexobj(spectrum):
             return spectrum.astype(self.dtype)
-        # Each stands twice, for the real and the imaginary part of what it multiplies.
+        # Each is repeated, for the real and the imaginary part of the number it multiplies.
         return np.repeat(spectrum, 2).astype(self.dtype.char.lower())
 
     def multiply(self, X: Array, factors: Factors, out: Array) -> None:
-        """Write the products of rows with a sum of products of matrices.
+        """Write the products of rows with a sum of matrix products to `out`.
 
         Parameters
         ----------
         X, out : ndarray of shape (rows, n), n ≤ L
-            Rows are extended by zeros, and what comes out is cut; of a real `out` it is the real
-            part.
+            Rows are extended by zeros to length L, and the results are cropped to n. If `out` is
+            real, it receives the real part.
         factors : sequence of (tuple of float, sequence of ndarray)
             The first factors of all terms of the sum, then the second ones, and so on: the shifts
             of the frequencies that diagonalise them, and their `eigenvalues`.
@@ -122,7 +122,7 @@ class OneStep:
                     _turn(terms, turns)
                 fourier.forward(Z)
                 for z, eigenvalues in zip(terms, spectra, strict=True):
-                    numbers = z.view(eigenvalues.dtype)  # Pairs of real ones, where these are.
+                    numbers = z.view(eigenvalues.dtype)  # Real pairs if eigenvalues are real.
                     numbers *= eigenvalues
                 fourier.backward(Z, norm=norm)
                 _turn(terms, turns_back)
@@ -134,7 +134,7 @@ class OneStep:
         share_slices(work, len(X), max(1, BATCH // (count * L)), len(X) * count * L)
 
     def multiply_vector(self, x: Array, eigenvalues: Array) -> Array:
-        """Return what `multiply` makes of a real vector and a shift of 1/4, with fewer calls."""
+        """Return the result of `multiply` for one real vector and a shift of 1/4, faster."""
         of = fourier.library()
         spare = self._spare[of, len(x)]
         try:
@@ -146,7 +146,7 @@ class OneStep:
         return y
 
     def _bind(self, n: int, of: Any) -> Callable[[Array, Array], Array]:
-        """Return `multiply_vector` for vectors of length n, with memory and transforms of it."""
+        """Return `multiply_vector` for length n, bound to its own memory and transforms."""
         Z = np.zeros(self.length, self.dtype)
         pairs = Z.view(self.dtype.char.lower())
         cut, rest, real = Z[:n], Z[n:], Z.real[:n]
@@ -174,12 +174,12 @@ def _turn(terms: list[Array], turns: list[Any]) -> None:
 
 
 def phase_factors(length: int, shift: float, dtype: np.dtype[Any]) -> Array:
-    """Return the factors exp(-2πi j s/L) of a shift, shape (L,), of a complex dtype."""
+    """Return the factors exp(-2πi j s/L) for j = 0 … L - 1, in a complex dtype."""
     return np.asarray(np.exp(-2j * np.pi * shift / length * np.arange(length)), dtype)
 
 
 def plan_of(n: int, dtype: DTypeLike, *, exact: bool = False) -> OneStep | FourStep:
-    """Return the transforms for vectors of length n: of that length, or of a fast one above it."""
+    """Return a plan for vectors of length n: of the next fast length, or of length n if `exact`."""
     precision, by_mkl = np.result_type(dtype, np.complex64).char, isinstance(fourier.library(), MKL)
     plan = _plan(n, precision, by_mkl)
     return OneStep(n, precision) if exact and plan.length != n else plan
@@ -190,15 +190,15 @@ def _plan(n: int, precision: str, by_mkl: bool) -> OneStep | FourStep:
     if n < LONG or (by_mkl and n <= LONG_OF_MKL):
         return OneStep(next_fast_len(n), precision)
     rows, columns = near_square(n)
-    at_once = by_mkl and (rows * columns).bit_count() == 1  # MKL has steps of its own for these.
+    at_once = by_mkl and (rows * columns).bit_count() == 1  # MKL is fast for powers of 2.
     return OneStep(rows * columns, precision) if at_once else FourStep(rows, columns, precision)
 
 
 def in_batches(multiply: Callable[[Array, Array], None], X: Array, out: Array, size: int) -> None:
-    """Multiply rows, whose transforms have so many numbers, into `out`.
+    """Multiply rows, whose transforms have `size` numbers each, into `out`.
 
-    Short ones are in batches that threads share; a long one is multiplied by itself, by what is
-    shared itself.
+    Threads share batches of short rows. Long rows are multiplied one at a time, because `multiply`
+    itself uses threads for each.
     """
 
     def work(rows: slice) -> None:
@@ -212,14 +212,14 @@ def in_batches(multiply: Callable[[Array, Array], None], X: Array, out: Array, s
 
 
 def cosine_sums(column: Array) -> Array:
-    """Return f_k = Σ a_j cos(πjk/n) over all lags |j| ≤ n, for k = 0 … n, a of period 2 n.
+    """Return f_k = Σ a_j cos(πjk/n) over one period 2 n of the even a, for k = 0 … n.
 
-    A DCT-I, along each axis. It is its own inverse but for the factor 2 n of each axis.
+    This is a DCT-I along each axis. It is its own inverse up to a factor 2 n for each axis.
 
     Parameters
     ----------
     column : ndarray of shape (n + 1, ...), float64
     """
-    count_transforms(1, *(m - 1 for m in column.shape))  # Half as long as those of a product.
-    # Slabs of rows transform the last axis first, too: their bits are the same.
+    count_transforms(1, *(m - 1 for m in column.shape))  # Half as long as those in a product.
+    # The last axis is transformed first, as in `slabs`, so that the bits are the same.
     return fourier.dctn(column, type=1, axes=range(column.ndim)[::-1])

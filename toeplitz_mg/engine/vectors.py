@@ -1,15 +1,14 @@
 """Inner products and updates of vectors, part by part, for all iterations.
 
-For a long vector BLAS takes as many threads as it has, which wait for each other, and then for more
-to do on the cores that the products need. So it is given parts that are too short for that. What
-threads do for us, as many as `scipy.fft.set_workers` says, is done in larger pieces by NumPy: calls
-as short as those of BLAS would leave them to wait for the interpreter.
+For a long vector BLAS uses all its threads, which then spin on cores that the products need. So
+BLAS is called with parts that are too short for threads. On several threads, as many as
+`scipy.fft.set_workers` specifies, NumPy processes larger pieces: with calls as short as those of
+BLAS, threads would wait for the interpreter's lock.
 
-A vector may be a field of any shape, real or complex. The sums of its parts are added in double
-precision.
+A vector may be a field of any shape, real or complex. Partial sums are added in double precision.
 
-The functions are for vectors that this process has. `Vectors` has them as methods, for vectors of
-which each of several processes has a part: iterations take their inner products from there.
+The functions are for vectors that this process has all of. `Vectors` has them as methods that also
+handle vectors distributed over several processes; iterations use these methods.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,26 +25,26 @@ from toeplitz_mg.engine import threads
 from toeplitz_mg.engine.threads import PIECE, WORTH_THREADS, share, share_rows, share_slices
 from toeplitz_mg.engine.workspace import workspace
 
-PART = 2**13  # Most numbers of a piece: OpenBLAS shares a vector of more than 10,000 among threads.
+PART = 2**13  # Most numbers in a call of BLAS: above 10,000 numbers OpenBLAS uses threads.
 
-# From a number, or an array of them, to those of all processes, in the same order in each of them.
+# Maps a number or array to those of all processes, in the same order on each process.
 Gather = Callable[[Any], Sequence[Any]]
 
 
 def dot(x: Array, y: Array) -> float:
-    """Return the inner product of two vectors; of complex ones its real part."""
+    """Return the inner product of two vectors, or its real part if they are complex."""
     if x.ndim == 1 and len(x) <= PART:
         return float(np.vdot(x, y).real if x.dtype.kind == "c" else x @ y)
     return float(dots(x[None], y)[0].real)
 
 
 def dots(X: Array, y: Array) -> Array:
-    """Return the inner products of the vectors along the first axis of X with another.
+    """Return the inner products of the vectors along the first axis of X with y.
 
-    The complex conjugates of X are taken, and the results are in double precision.
+    X is conjugated, and the results are in double precision.
     """
     if y.ndim == 1 and y.size <= PART and X.dtype.char in "dD":
-        return np.vecdot(X, y)  # In a small system each call more is a part of the time.
+        return np.vecdot(X, y)  # The overhead of calls matters in small systems.
     rest: Any = 0.0
     if y.shape[-1] > PART:
         X, y = X.reshape(len(X), -1), y.reshape(-1)
@@ -62,13 +61,13 @@ def dots(X: Array, y: Array) -> Array:
             np.vecdot(X[:, some], y[some], out=sums[:, some])
 
         share(work, len(y), y.size)
-    # The sum of rows has a smaller rounding error than that over all of a field at once.
+    # Summing rows first has a smaller rounding error than one sum over the whole field.
     double = np.result_type(X, np.float64)
     return sums.reshape(len(X), -1).sum(axis=1, dtype=double) + rest
 
 
 def gram(X: Array) -> Array:
-    """Return the inner products of the real vectors along the first axis of X with each other."""
+    """Return the Gram matrix of the real vectors along the first axis of X."""
     if X[0].size <= PART:
         rows = X.reshape(len(X), -1)
         return np.vecdot(rows[:, None], rows).astype(np.float64)
@@ -79,7 +78,7 @@ def gram(X: Array) -> Array:
 
 
 def norm(x: Array) -> float:
-    """Return the 2-norm of a vector, real or complex; no square of a number over- or underflows."""
+    """Return the 2-norm of a real or complex vector, without overflow or underflow of squares."""
     if x.ndim > 1:
         x = x.reshape(-1)
     nrm2 = _blas("nrm2", x.dtype.char)
@@ -88,25 +87,25 @@ def norm(x: Array) -> float:
     limits = np.finfo(x.dtype)
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         square = dot(x, x)
-    # Squares that underflow are lost in the rounding of such a sum.
+    # In such a sum, squares that underflow are smaller than its rounding error.
     if x.size * float(limits.tiny) / float(limits.eps) < square < inf:
         return sqrt(square)
     return hypot(*(nrm2(x[k : k + PART]) for k in range(0, x.size, PART)))
 
 
 def axpy(a: complex, x: Array, y: Array) -> Array:
-    """Add a x to y, which is C-contiguous and of the dtype of x, in place, and return y."""
+    """Return y, after adding a x in place; y is C-contiguous and has the dtype of x."""
     a = y.dtype.type(a)
 
     def add(x: Array, y: Array) -> None:
-        # BLAS rounds the last few numbers otherwise on some processors, and so those of some ranks.
+        # On some CPUs BLAS rounds the last few numbers differently: results would depend on ranks.
         y += x * a if y.size <= PART else np.multiply(x, a, out=workspace(y.shape, y.dtype))
 
     return _update(add, x, y)
 
 
 def aypx(a: complex, x: Array, y: Array) -> Array:
-    """Multiply y by a and add x, in place, and return y, as `axpy` does."""
+    """Return y, after replacing it by a y + x in place, as `axpy` does."""
 
     def scale_and_add(x: Array, y: Array) -> None:
         y *= a
@@ -116,7 +115,7 @@ def aypx(a: complex, x: Array, y: Array) -> Array:
 
 
 def _update(change: Callable[[Array, Array], None], x: Array, y: Array) -> Array:
-    """Change y by x, of a long one piece by piece, and return it."""
+    """Return y, after changing it by x, piece by piece if it is long."""
     _require_contiguous(y)
     if y.size <= PIECE:
         change(x, y)
@@ -127,17 +126,17 @@ def _update(change: Callable[[Array, Array], None], x: Array, y: Array) -> Array
 
 
 def combine(weights: Array, X: Array) -> Array:
-    """Return the sum of the vectors along the first axis of X with these weights, in its dtype."""
+    """Return the weighted sum of the vectors along the first axis of X, in its dtype."""
     total = np.zeros(X.shape[1:], X.dtype)
     add_combination(weights, X, total)
     return total
 
 
 def add_combination(weights: Array, X: Array, y: Array) -> None:
-    """Add the sum of the vectors along the first axis of X with these weights to y, as `axpy`."""
+    """Add the weighted sum of the vectors along the first axis of X to y, in place."""
     _require_contiguous(y)
     rows, y = X.reshape(len(X), y.size), y.reshape(-1)
-    if y.dtype.kind == "c" or (y.size <= PART and len(X) <= 2):  # The sum below is slower then.
+    if y.dtype.kind == "c" or (y.size <= PART and len(X) <= 2):  # BLAS is faster in these cases.
         add = _blas("axpy", y.dtype.char)
         for k in range(0, y.size, PART):
             for weight, row in zip(weights, rows, strict=True):
@@ -146,7 +145,7 @@ def add_combination(weights: Array, X: Array, y: Array) -> None:
     weights = weights.astype(y.dtype)
 
     def work(part: slice) -> None:
-        # This is done without BLAS, and so without its threads.
+        # `einsum` does not call BLAS here, so that no threads of BLAS start.
         y[part] += np.einsum("k,kj->j", weights, rows[:, part])
 
     share_slices(work, y.size, PART, rows.size)
@@ -158,11 +157,11 @@ def _require_contiguous(y: Array) -> None:
 
 
 def power_above(size: Any) -> Any:
-    """Return the power of two that scales a size, or sizes, to numbers from 1/2 to 1.
+    """Return the exponent p for which size · 2^-p is between 1/2 and 1, for one size or several.
 
-    What is scaled by it loses no digit.
+    Scaling by a power of two is exact.
     """
-    # Beyond these the scale itself, or its inverse, would over- or underflow.
+    # Beyond these limits the scale or its inverse would overflow or underflow.
     return np.clip(np.frexp(size)[1], -1000, 1000)
 
 
@@ -172,7 +171,7 @@ def _blas(name: str, dtype: str) -> Any:
 
 
 def _reduce(of_part: Callable[[Array], Any], combine: Callable[[list[Any]], Any]) -> Any:
-    """Return the function that combines the numbers of the pieces of a field, in their order."""
+    """Return a function that reduces a field: `of_part` for each piece, combined in their order."""
 
     def reduce(x: Array) -> Any:
         if x.size < WORTH_THREADS:
@@ -189,12 +188,12 @@ def _reduce(of_part: Callable[[Array], Any], combine: Callable[[list[Any]], Any]
 
 
 def least(numbers: Sequence[float]) -> float:
-    """Return the least of some numbers, NaN where one is, which Python's `min` may overlook."""
+    """Return the least number, or NaN if one is NaN, which Python's `min` may ignore."""
     return next(filter(isnan, numbers), min(numbers))
 
 
 def largest(numbers: Sequence[float]) -> float:
-    """Return the largest of some numbers, NaN where one is."""
+    """Return the largest number, or NaN if one is NaN."""
     return next(filter(isnan, numbers), max(numbers))
 
 
@@ -210,15 +209,15 @@ def _peak(x: Array) -> float:
 
 
 class Vectors:
-    """Operations with vectors of which each process has a part; where there is one, all of it.
+    """Operations with vectors of which each process has a part; by default one process has all.
 
-    All numbers that are returned are those of the whole vectors, and the same bits in each process,
-    so that no process leaves a loop alone. Updates are of the parts.
+    Returned numbers are for the whole vectors and have the same bits on each process, so that all
+    processes leave a loop together. Updates apply to the part of this process.
 
     Parameters
     ----------
     gather : callable, optional
-        Takes a number, or an array, and returns those of all processes, in the same order in each.
+        Maps a number or array to those of all processes, in the same order on each process.
 
     Attributes
     ----------
@@ -226,26 +225,26 @@ class Vectors:
     dot, dots, gram, norm : callable
         As the functions of this module.
     sum, min, max : callable
-        From a real field to its sum, its least and its largest number; infinity, or minus
-        infinity, where it has none.
+        The sum, the minimum and the maximum of a real field. For an empty field the minimum is
+        infinity and the maximum minus infinity.
     peak : callable
-        From a vector to the largest size of its numbers, or of their real and imaginary parts.
+        The largest absolute value of a vector's entries, or of their real and imaginary parts.
     count : callable
-        From a field to how many of its numbers are not zero.
+        The number of nonzero entries of a field.
     axpy, aypx, combine, add_combination : callable
         The functions of this module.
     elementwise : callable
-        From a function of each element, and fields, to the field of its values (see `threads`).
+        Applies an elementwise function to fields (see `threads`).
     xp : module
-        The library of the vectors, for what is done with each number by itself.
+        The array library of the vectors, for elementwise operations.
     cuts_fields : bool
-        Whether it is worth it to pick the few numbers of a field that are not zero.
+        Whether it is worthwhile to extract the nonzero entries of a sparse field.
 
     Examples
     --------
     >>> Vectors().dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
     11.0
-    >>> with_another = Vectors(lambda number: [number, 9.0])  # That is what the other one has.
+    >>> with_another = Vectors(lambda number: [number, 9.0])  # Another process contributes 9.
     >>> with_another.dot(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
     20.0
     """
@@ -257,7 +256,7 @@ class Vectors:
         self.gather: Gather = gather or (lambda number: (number,))
 
         def of_parts(combine: Callable[[Sequence[Any]], Any], of_part: Any) -> Any:
-            if gather is None:  # In a small system one call more is a part of the time.
+            if gather is None:  # The overhead of another call matters in small systems.
                 return of_part
             return lambda *vectors: combine(gather(of_part(*vectors)))
 
@@ -272,24 +271,24 @@ class Vectors:
         self.count: Callable[[Array], int] = of_parts(lambda counts: int(sum(counts)), _count)
 
     def copy(self, x: Array, out: Array) -> Array:
-        """Return `out`, with the numbers of x."""
+        """Return `out`, after copying x to it."""
         out[...] = x
         return out
 
     def empty(self, x: Array, out: Array | None = None) -> Array:
-        """Return memory for a vector like x: `out`, where that is given."""
+        """Return memory for a vector like x: `out` if it is given."""
         return np.empty_like(x) if out is None else out
 
     def zeros(self, x: Array, dtype: DTypeLike | None = None) -> Array:
-        """Return a vector of zeros as long as another, in its precision or another one."""
+        """Return zeros in the shape of x and, by default, in its dtype."""
         return np.zeros(x.shape, x.dtype if dtype is None else dtype)
 
     def cast(self, x: Array, dtype: DTypeLike) -> Array:
-        """Return a vector in another precision, itself where it has that one."""
+        """Return a vector in another precision, without a copy if it has that precision."""
         return x.astype(dtype, copy=False)
 
-    # These return what they compute, in `out`, their last argument: vectors that cannot be changed
-    # have no other way.
+    # These return their result, in the last argument `out` if possible: callers use the returned
+    # array, because arrays of some libraries are immutable.
     divide, subtract = np.divide, np.subtract
     elementwise = staticmethod(threads.elementwise)
     reshape: Any = staticmethod(np.ndarray.reshape)
@@ -299,4 +298,4 @@ class Vectors:
     add_combination = staticmethod(add_combination)
 
 
-VECTORS = Vectors()  # Of vectors that this process has all of.
+VECTORS = Vectors()  # For vectors that this process has all of.

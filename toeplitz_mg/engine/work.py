@@ -1,4 +1,4 @@
-"""The meter of work: products and transforms, in the paper's work units."""
+"""The count of work: products and transforms, in the paper's work units."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,14 +12,14 @@ class ProductCount:
     Attributes
     ----------
     points : float
-        A product with a Toeplitz matrix counts the unknowns of its grid. A circulant, whose
-        transforms are not padded, counts 1/2^d of them on d axes.
+        A product with a Toeplitz matrix counts as the unknowns of its grid. A product with a
+        circulant on d axes counts as 1/2^d of them, because its transforms are not padded.
     products : int
         The number of products, of any size.
 
     See Also
     --------
-    count_products : makes it.
+    count_products : returns it.
     """
 
     def __init__(self) -> None:
@@ -39,17 +39,17 @@ _active_counts: ContextVar[tuple[ProductCount, ...]] = ContextVar("_active_count
 
 @contextmanager
 def count_products() -> Iterator[ProductCount]:
-    """Count the products made inside a ``with`` block, by every operator of this package.
+    """Count the products inside a ``with`` block, with all operators of this package.
 
     Yields
     ------
     ProductCount
-        It goes on counting until the block ends; blocks may be nested. Products of other
-        threads are not counted.
+        Counts until the block ends. Blocks may be nested. Products on other threads are not
+        counted.
 
     See Also
     --------
-    ProductCount : what it counts.
+    ProductCount : defines the unit.
 
     Examples
     --------
@@ -71,23 +71,23 @@ def count_products() -> Iterator[ProductCount]:
 
 
 def count_work(products: int, points: float) -> None:
-    """Count so many products of so many grid points each."""
+    """Count a number of products, with `points` grid points each."""
     for count in _active_counts.get():
         count.points += products * points
         count.products += products
 
 
 def axes_of(grid_shape: tuple[int, ...]) -> int:
-    """Return the number of axes of a grid, without those of one element; 1 at least."""
+    """Return the number of axes with more than one element, but at least 1."""
     return max(sum(n > 1 for n in grid_shape), 1)
 
 
 def count_transforms(number: float, *shape: int) -> None:
-    """Count real transforms that are no product."""
+    """Count real transforms outside products."""
     if _active_counts.get():
         count_work(1, number * points_of_transform(*shape))
 
 
 def points_of_transform(*shape: int) -> float:
-    """Return the work of a real transform: a product has two, twice as long on each axis."""
+    """Return the work of a real transform; a product has two, twice as long on each axis."""
     return prod(shape) / 2 ** (axes_of(shape) + 1)

@@ -1,4 +1,4 @@
-"""Memory that is used again: each thread has its own, so that operators may be shared."""
+"""Reused memory, separate for each thread, so that threads may share operators."""
 
 import threading
 from collections import defaultdict
@@ -12,25 +12,24 @@ from numpy.typing import DTypeLike
 
 from toeplitz_mg._typing import Array
 
-SMALL = 2**15  # Bytes up to which the allocator of C itself keeps memory and gives it out again.
-LARGE_PAGE = 2**21  # Bytes of a large page, of which a strided pass needs few.
+SMALL = 2**15  # Largest array in bytes that is left to C's allocator, which reuses memory itself.
+LARGE_PAGE = 2**21  # Bytes of a large page; with these, strided passes touch few pages.
 
 
 class _Memory(np.ndarray[Any, Any]):
     """The bytes of a block.
 
-    NumPy lets a view refer to the array at the end of a chain of views, unless that is of another
-    class, as this one is. So the array that is made first from a block lives as long as any view
-    of it.
+    The base of a NumPy view is the array at the end of its chain of views, unless that belongs to
+    another class, such as this one. So an array made from a block lives as long as its views.
     """
 
 
 class _Block:
-    """Memory, and the array that was last made from it, as long as it or a view of it lives."""
+    """Memory, and a weak reference to its last array, which lives while any view of it does."""
 
     def __init__(self, size: int) -> None:
         large = size >= LARGE_PAGE // 2
-        # NumPy asks for large pages from 4 MB on. What is not used is not mapped.
+        # NumPy requests large pages from 4 MB on. Unused pages take no physical memory.
         bytes_in_all = max(size, LARGE_PAGE) + LARGE_PAGE if large else size
         self.memory = _Memory(bytes_in_all, np.uint8)
         self.start = -self.memory.ctypes.data % LARGE_PAGE if large else 0
@@ -46,18 +45,18 @@ _blocks = _Blocks()
 
 
 def workspace(shape: tuple[int, ...], dtype: DTypeLike, *, small: int = SMALL) -> Array:
-    """Return an array of any content, as `np.empty` does, from memory that was used before.
+    """Return an uninitialised array, like `np.empty`, in memory that was used before.
 
-    A fresh array of a megabyte costs more than a transform of it: its pages are mapped, cleared
-    and given back each time. The memory is given out again when nobody has the array any more, nor
-    a view of it: not a caller further up, not another thread, not a generator that waits.
+    Allocating a new array of a megabyte takes longer than transforming it, because its pages are
+    mapped, cleared and released each time. The memory is reused as soon as no reference to the
+    array or to a view of it exists, in any function, thread or generator.
 
     Parameters
     ----------
     shape : tuple of int
     dtype : dtype
     small : int, optional
-        Bytes up to which the memory is not kept, as the allocator of C does that itself.
+        Largest size in bytes for which the array comes from C's allocator.
     """
     dtype = np.dtype(dtype)
     size = prod(shape) * dtype.itemsize

@@ -1,6 +1,6 @@
-"""Products for the arrays of other libraries, as those of CuPy, torch and JAX on a GPU.
+"""Products for arrays of other libraries, such as CuPy, torch and JAX on a GPU.
 
-`library` says whose arrays some are, and has what code that takes the arrays of any library needs
-of NumPy's; `plain` has the same for the others: passes over whole arrays (`passes`), cosine
-transforms by Fourier transforms (`transforms`), and the programs of JAX (`jax_programs`).
+`library` finds the library of an array and implements, for NumPy, the functions that depend on the
+library. `plain` implements them for the others, with passes over whole arrays (`passes`), cosine
+transforms via Fourier transforms (`transforms`), and compilation with JAX (`jax_programs`).
 """

@@ -1,4 +1,4 @@
-"""Methods that JAX compiles as a whole: operation by operation each would be waited for."""
+"""Methods that JAX compiles as a whole, because single operations would be slow to dispatch."""
 
 from collections.abc import Callable
 from functools import cache, wraps
@@ -6,13 +6,13 @@ from typing import Any
 
 
 def compile_as_a_whole(*arrays: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return a decorator of a method of an array, for objects of a library that compiles.
+    """Return a decorator for a method with an array argument, compiled if the library compiles.
 
     Parameters
     ----------
     *arrays : str
-        The attributes that have arrays, which are handed to the program, so that it keeps none of
-        them. All others tell programs apart, and have a hash.
+        The attributes that contain arrays. They are arguments of the compiled program, so that it
+        holds no reference to them. All other attributes are static arguments, thus hashable.
     """
 
     def decorate(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -1,8 +1,8 @@
-"""Whose arrays are multiplied: NumPy's, or those of another library. It is chosen here alone.
+"""The library of an array: NumPy or another one. Only this file chooses.
 
-What is written for arrays of any library takes its functions from `xp`, and what libraries do not
-have in common from a `Library`: `NUMPY`, which has the engine of this package, or one of
-`plain.Plain`, whose products are plain passes over whole arrays, as a GPU wants them.
+Code for arrays of any library uses the functions of `xp` that libraries have in common. Everything
+else comes from a `Library`. `NUMPY` uses the engine of this package. An instance of `plain.Plain`
+multiplies in passes over whole arrays, which suit a GPU.
 """
 
 from collections.abc import Callable
@@ -31,10 +31,10 @@ Library: TypeAlias = "NumPy | Plain"
 
 
 class NumPy:
-    """The library of NumPy's arrays, and of all that NumPy makes arrays of, as lists."""
+    """The library of NumPy arrays, and of all that NumPy converts to arrays, such as lists."""
 
     name, xp, fft, device, vectors = "numpy", np, fourier, "cpu", VECTORS
-    in_place = MappingProxyType({"overwrite_x": True})  # It lets `fft` use an array's memory.
+    in_place = MappingProxyType({"overwrite_x": True})  # Lets `fft` overwrite its argument.
     fourier, complex_fourier = products.FOURIER, products.COMPLEX_FOURIER
     cosine, sine = products.COSINE, products.SINE
     dense, passes = products.DENSE, PanelPasses
@@ -42,54 +42,54 @@ class NumPy:
     multiply_rows, cosine_sums = staticmethod(products.multiply_rows), staticmethod(cosine_sums)
 
     def basis(self, like: Array, dtype: DTypeLike, most: int) -> Basis:
-        """Return memory for the vectors of a Krylov space, which are as another."""
+        """Return memory for a basis of a Krylov space, whose vectors have the shape of `like`."""
         return Basis(like.shape, dtype, most)
 
     def __reduce__(self) -> str:
         return "NUMPY"
 
     def read(self, name: str, values: Any) -> Array:
-        """Return an array of this library, or say whose it is."""
+        """Return the values as an array; TypeError if they belong to another library."""
         if is_foreign(values):
             refuse_mixed(name, name_library(values), self.name)
         return refuse_masked(name, values)
 
     def dtype(self, array: Array) -> np.dtype[Any]:
-        """Return NumPy's dtype for that of an array."""
+        """Return the dtype of an array as a NumPy dtype."""
         return array.dtype
 
     def cast(self, array: Array, dtype: DTypeLike) -> Array:
-        """Return an array in the precision of one of NumPy's dtypes, itself where it has that."""
+        """Return an array in the given dtype, without a copy if it has that dtype."""
         return array.astype(dtype, copy=False)
 
     def cast_numbers(self, array: Array, dtype: DTypeLike) -> Array:
-        """Return real or complex numbers in the precision of a dtype of either kind."""
+        """Return numbers in the precision of a dtype; real stay real, complex stay complex."""
         return np.ascontiguousarray(products.cast_numbers(array, dtype))
 
     def native(self, dtype: DTypeLike) -> DTypeLike:
-        """Return the dtype of the library for one of NumPy's."""
+        """Return the library's dtype for a NumPy dtype."""
         return dtype
 
     def require(self, what: str, dtype: DTypeLike) -> None:
-        """Raise a TypeError where the library has not the precision that something needs."""
+        """Raise a TypeError if the library lacks the precision that `what` needs."""
 
     def number(self, factor: Any) -> Any:
-        """Return a number that an array may be multiplied with."""
+        """Return a factor as a number by which arrays of this library can be multiplied."""
         return factor
 
     def keep(self, array: Array) -> Array:
-        """Return an array that nobody is to change."""
+        """Return the array, made read-only."""
         array.flags.writeable = False
         return array
 
     def to_numpy(self, array: Any) -> Array:
-        """Return an array of NumPy's, in the memory of the processor."""
+        """Return the array as a NumPy array in CPU memory."""
         return array
 
     from_numpy = to_numpy
 
     def multiplication(self, a: Any) -> products.ToeplitzProduct | MultilevelProduct:
-        """Make the product with the matrix of some `Coefficients`, which takes a transform."""
+        """Return the product with the matrix of some `Coefficients`; this takes a transform."""
         if a.array.ndim > 1:
             return MultilevelProduct.of(self, [[a]], a.dtype)
         column = a.column
@@ -97,7 +97,7 @@ class NumPy:
         return products.ToeplitzProduct.of(column, row, a.dtype)
 
     def pad(self, array: Array, shape: tuple[int, ...]) -> Array:
-        """Extend an array by zeros behind its last axes."""
+        """Return an array whose last axes are extended by zeros to a shape."""
         if array.shape[-len(shape) :] == shape:
             return array
         padded = np.zeros((*array.shape[: -len(shape)], *shape), array.dtype)
@@ -106,7 +106,7 @@ class NumPy:
         return padded
 
     def enlarge(self, array: Array, shape: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Extend an array by zeros behind its last axes, in memory that may be overwritten."""
+        """Return an array whose last axes are extended by zeros, in memory to be overwritten."""
         padded = workspace((*array.shape[: array.ndim - len(shape)], *shape), dtype)
         if padded.shape != array.shape:
             padded[...] = 0.0
@@ -114,21 +114,21 @@ class NumPy:
         return padded
 
     def cells(self, index: Array, size: int) -> tuple[Array, Any]:
-        """Prepare the unknowns of a mask, by their positions among the points of the grid."""
+        """Return the `cells` of a mask for `extend` and `restrict`, from flat grid indices."""
         return index, size
 
     def extend(self, X: Array, cells: tuple[Array, Any], out: Array) -> Array:
-        """Extend rows of unknowns to the grid, by zeros, in the precision of `out`."""
+        """Return rows of unknowns, extended by zeros to the grid, in the precision of `out`."""
         index, size = cells
         x = X.reshape(prod(X.shape[:-1]), X.shape[-1])
         grid = workspace((len(x), size), out.dtype)
 
         def fill(part: slice) -> None:
-            # The part of the grid up to the first unknown of the next one is zero but for these.
+            # Zero the grid up to the first unknown of the next part, then insert the unknowns.
             start = index[part.start] if part.start else 0
             stop = index[part.stop] if part.stop < len(index) else size
             grid[:, start:stop] = 0.0
-            for row, to in zip(x, grid, strict=True):  # Twice as fast as all at once.
+            for row, to in zip(x, grid, strict=True):  # Twice as fast as all rows at once.
                 to[index[part]] = row[part]
 
         share_rows(fill, index)
@@ -139,7 +139,7 @@ class NumPy:
         index, y = cells[0], out.reshape(prod(out.shape[:-1]), out.shape[-1])
 
         def fill(part: slice) -> None:
-            # The index is right: where NumPy checks it, this takes four times as long.
+            # The indices are valid. Checking them, as "raise" does, would take four times as long.
             np.take(grid, index[part], axis=1, out=y[:, part], mode="clip")
 
         share_rows(fill, index)
@@ -148,21 +148,21 @@ class NumPy:
     def replace(
         self, field: Array, cells: tuple[Array, Any], compute: Callable[[Array], Array]
     ) -> Array:
-        """Return a field with what is computed from its unknowns in their place."""
+        """Return a field whose unknowns are replaced by the values computed from them."""
         index, y = cells[0], field.flatten()
         y[index] = compute(y[index])
         return y.reshape(field.shape)
 
     def copy(self, array: Array) -> Array:
-        """Return an array in one piece."""
+        """Return an array in contiguous memory."""
         return np.ascontiguousarray(array)
 
     def real(self, array: Array) -> Array:
-        """Return the real part of numbers, themselves where they are real."""
+        """Return the real part of an array, which is the array itself if it is real."""
         return array.real
 
     def invert(self, array: Array) -> Array:
-        """Return the inverses of numbers, in the place of these where that can be."""
+        """Return the reciprocals of an array, in place if possible."""
         return np.reciprocal(array, out=array)
 
     def arange(self, n: int) -> Array:
@@ -170,26 +170,26 @@ class NumPy:
         return np.arange(float(n))
 
     def conj(self, array: Array) -> Array:
-        """Return the complex conjugate of numbers."""
+        """Return the complex conjugate of an array."""
         return array.conj()
 
     def vectors_of(self, gather: Gather) -> Vectors:
-        """Return the operations with vectors of which each process has a part."""
+        """Return the operations with vectors distributed over several processes."""
         return Vectors(gather)
 
     def each(self, multiply: Any, X: Array, out: Array) -> Array:
-        """Multiply each row of X into `out`."""
+        """Return `out`, after calling ``multiply(row, out_row)`` for each row of X."""
         rows = (prod(X.shape[:-1]), X.shape[-1])
         for x, y in zip(X.reshape(rows), out.reshape(rows), strict=True):
             multiply(x, y)
         return out
 
     def join(self, parts: list[Array], out: Array | None) -> Array:
-        """Put the columns of some arrays side by side."""
+        """Return arrays joined along their last axis."""
         return np.concatenate(parts, axis=-1, out=out, casting="same_kind")
 
     def allocate(self, X: Array, dtype: DTypeLike) -> Array:
-        """Return memory for the product of rows with a matrix of a dtype."""
+        """Return memory for the product of the rows X with a matrix of this dtype."""
         return np.empty(X.shape, np.result_type(X, dtype))
 
 
@@ -197,9 +197,9 @@ NUMPY = NumPy()
 
 
 def library_of(values: Any) -> "Library":
-    """Return the library of an array; of all that is no array it is NumPy's."""
+    """Return the library of an array, or `NUMPY` if the values are no array."""
     if not is_foreign(values):
         return NUMPY
-    from toeplitz_mg.engine.arrays.plain import Plain  # This needs array-api-compat.
+    from toeplitz_mg.engine.arrays.plain import Plain  # Requires array-api-compat.
 
     return Plain.of(values)

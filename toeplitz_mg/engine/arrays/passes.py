@@ -1,9 +1,9 @@
-"""The passes of a product over whole arrays of any library, as a GPU wants them.
+"""The passes of a product over whole arrays of any library, which suit a GPU.
 
-All axes but the last are extended by zeros for a part of the frequencies of the last one at a time,
-so that little more than the vectors is ever held. The axis that is transformed is always moved to
-the end: libraries copy to there themselves what they transform along another, once each way. No
-number of an array is looked at in a product.
+Axes other than the last are extended by zeros for one part of the frequencies of the last axis at a
+time, so that memory for little more than the vectors is needed. The axis to transform is moved to
+the end first; libraries would otherwise copy the array to that order and back. A product reads no
+values on the host, so that it never waits for the GPU.
 """
 
 from math import pi, prod
@@ -37,26 +37,26 @@ class PlainPasses:
             self._w = phases(library, grid_shape[-1], angle, precision)
 
     def _move(self, s: Any) -> Any:
-        """Return eigenvalues in the order of the axes in which `columns_through` meets them."""
+        """Return eigenvalues with their axes in the order that `columns_through` needs."""
         xp = self.library.xp
         return xp.asarray(xp.moveaxis(s, 0, -1), copy=True) if len(self.lengths) > 1 else s
 
     @property
     def spectrum(self) -> Any:
-        """The eigenvalues of each pair of components, None where they are zero."""
+        """The eigenvalues for each pair of components, None if they are all zero."""
         xp = self.library.xp
         return [[s if s is None else xp.moveaxis(s, -1, 0) for s in row] for row in self._moved]
 
     @compile_as_a_whole("_moved", "_w")
     def multiply(self, X: Any, out: Any = None) -> Any:
-        """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
+        """Return the products with rows of `X`, shape (rows, N), in the precision of the matrix."""
         xp = self.library.xp
-        # No name holds on to what is transformed: its memory is for what comes.
+        # Calls are nested, so that no name keeps the memory of intermediate arrays.
         Y = self.rows_out(self._columns(self.rows_in(xp.reshape(X, (-1, *self.grid_shape)))))
         return xp.reshape(Y, X.shape)
 
     def _columns(self, Z: Any) -> Any:
-        """Multiply all frequencies, a part of them at a time."""
+        """Return all frequencies multiplied by their matrices, one part after the other."""
         for part in parts_of(self.lengths[-1], prod(self.lengths)):
             columns = self.columns_through(Z[..., part], part.start)
             Z = self.library.replace_part(Z, (..., part), columns)
@@ -64,13 +64,13 @@ class PlainPasses:
         return Z
 
     def rows_in(self, Z: Any) -> Any:
-        """Transform fields, of shape (rows, components, n₁, ...), along their last axis."""
+        """Return the transforms along the last axis of fields (rows, components, n₁, ...)."""
         Z = self.library.cast(Z, self.dtype)
         Z = Z if self._w is None else Z * self._w
         return self.library.xp.fft.fft(Z, n=self.lengths[-1], axis=-1)
 
     def columns_through(self, Z: Any, first: int = 0) -> Any:
-        """Multiply frequencies of the last axis by their matrices of the others."""
+        """Return frequencies of the last axis multiplied by their matrices on the other axes."""
         xp, columns = self.library.xp, slice(first, first + Z.shape[-1])
         lengths, grid = self.lengths[:-1], self.grid_shape[1:-1]
         for axis in reversed(range(len(grid))):
@@ -109,7 +109,7 @@ class PlainDiagonalised:
         transforms: Transforms,
     ) -> None:
         grid = grid_shape[-len(fft_shape) :]
-        self._components = grid_shape[: -len(fft_shape)]  # None, or how many.
+        self._components = grid_shape[: -len(fft_shape)]  # () or (number of components,).
         self.points = prod(self._components) * prod(fft_shape) / 2 ** axes_of(grid)
         self.library, self.grid_shape, self.dtype = library, grid_shape, np.dtype(dtype)
         self.spectrum = library.cast_numbers(spectrum, dtype)
@@ -118,7 +118,7 @@ class PlainDiagonalised:
         self.is_hermitian = bool(library.xp.all(self.spectrum == adjoint))
 
     def _flipped(self, spectrum: Any) -> Any:
-        """Return the transposes of the matrices between components."""
+        """Return the spectrum with the matrices that couple components transposed."""
         return self.library.xp.moveaxis(spectrum, 0, 1) if self._components else spectrum
 
     def adjoint(self) -> "PlainDiagonalised":
@@ -128,12 +128,12 @@ class PlainDiagonalised:
         return PlainDiagonalised(self.library, spectrum, *shapes, self.dtype, self.transforms)
 
     def __call__(self, X: Any, out: Any = None) -> Any:
-        """Multiply the rows of `X`, shape (..., N)."""
+        """Return the products with the rows of `X`, shape (..., N)."""
         return self.library.multiply_rows(self, X, out)
 
     @compile_as_a_whole("spectrum")
     def multiply(self, X: Any, out: Any = None) -> Any:
-        """Multiply the rows of `X`, of shape (rows, N), in the precision of the matrix."""
+        """Return the products with rows of `X`, shape (rows, N), in the precision of the matrix."""
         first, last = 1 + len(self._components), 1 + len(self.grid_shape)
         xp, axes = self.library.xp, tuple(range(first, last))
         Z = self.library.pad(xp.reshape(X, (-1, *self.grid_shape)), self.fft_shape)

@@ -1,8 +1,8 @@
-"""The engine for arrays of any library of the array API standard, as on a GPU.
+"""The engine for arrays of any library with the array API standard, for example on a GPU.
 
-It has passes over whole arrays (`passes`), in the place of panels for a processor's cache, and
-cosine transforms by Fourier transforms (`transforms`). This file has what the rest of the package
-needs of a library, as `library.NumPy` has it for NumPy's arrays, and its vectors.
+Products are passes over whole arrays (`passes`) instead of panels for a CPU cache, and cosine
+transforms use Fourier transforms (`transforms`). This file implements the interface of
+`library.NumPy` for such a library, and its vector operations.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ except ImportError as error:
         "arrays of other libraries than NumPy need array-api-compat: install toeplitz-mg[arrays]"
     ) from error
 
-LESS = {"float64": "float32", "complex128": "complex64"}  # What some libraries have at the most.
+LESS = {"float64": "float32", "complex128": "complex64"}  # Used if double precision is missing.
 
 
 class Plain:
@@ -39,9 +39,9 @@ class Plain:
 
     def __init__(self, xp: Any, device: Any) -> None:
         self.xp, self.fft, self.device = xp, xp.fft, device
-        self.dense, self.in_place = 0, dict[str, Any]()  # No product is dense, no `fft` in place.
+        self.dense, self.in_place = 0, dict[str, Any]()  # No dense products, no `fft` in place.
         self.name = xp.__name__.removeprefix("array_api_compat.")
-        self.compiles = self.name == "jax.numpy"  # It waits for each operation, but for programs.
+        self.compiles = self.name == "jax.numpy"  # Its single operations are slow to dispatch.
         self.vectors, self.vectors_of = PlainVectors(self), partial(PlainVectors, self)
         pair, pairs = transforms.PlainTransforms, (("dct", "idct"), ("dst", "idst"))
         self.fourier: Any = pair(self, xp.fft.rfftn, xp.fft.irfftn)
@@ -59,45 +59,45 @@ class Plain:
     def of(cls, array: Any) -> "Plain":
         """Return the library of an array."""
         xp, device = compat.array_namespace(array), compat.device(array)
-        if (n := len(getattr(device, "device_set", ()))) > 1:  # It is how JAX has cut the array.
+        if (n := len(getattr(device, "device_set", ()))) > 1:  # JAX has distributed the array.
             raise TypeError(
                 f"an array of {xp.__name__} lies on {n} devices, but must lie on one: "
                 "jax.device_put(x, jax.devices()[0])"
             )
-        key = xp.__name__, str(device)  # Devices of CuPy have no hash.
+        key = xp.__name__, str(device)  # Devices of CuPy are not hashable.
         return _LIBRARIES.get(key) or _LIBRARIES.setdefault(key, cls(xp, device))
 
     def __reduce__(self) -> Any:
-        # A module cannot be pickled, and a device need not be there again; arrays know both.
+        # A module cannot be pickled, and the device may not exist later. An array restores both.
         return Plain.of, (self.xp.zeros(1, device=self.device),)
 
     def read(self, name: str, values: Any) -> Array:
-        """Return an array of this library, or say whose it is."""
+        """Return the values; TypeError if they are not an array of this library."""
         if not compat.is_array_api_obj(values) or compat.array_namespace(values) is not self.xp:
             refuse_mixed(name, name_library(values), self.name)
         return values
 
     def dtype(self, array: Any) -> np.dtype[Any]:
-        """Return NumPy's dtype for that of an array."""
+        """Return the dtype of an array as a NumPy dtype."""
         return np.dtype(str(array.dtype).rpartition(".")[2])
 
     def cast(self, array: Any, dtype: DTypeLike) -> Any:
-        """Return an array in the precision of one of NumPy's dtypes, itself where it has that."""
+        """Return an array in the given dtype, without a copy if it has that dtype."""
         return self.xp.astype(array, self.native(dtype), copy=False)
 
     def cast_numbers(self, array: Any, dtype: DTypeLike) -> Any:
-        """Return real or complex numbers in the precision of a dtype of either kind, copied."""
+        """Return a copy in the precision of a dtype; real stay real, complex stay complex."""
         char = np.dtype(dtype).char
         native = self.native(char.upper() if self.dtype(array).kind == "c" else char.lower())
         return self.xp.astype(array, native, copy=True)
 
     def native(self, dtype: DTypeLike) -> Any:
-        """Return a dtype of the library: that, or one of less precision where it has no other."""
+        """Return the library's dtype for a NumPy dtype, or a less precise one if it is missing."""
         dtypes, name = self.xp.__array_namespace_info__().dtypes(), np.dtype(dtype).name
         return dtypes[name if name in dtypes else LESS[name]]
 
     def require(self, what: str, dtype: DTypeLike) -> None:
-        """Raise a TypeError where the library has not the precision that something needs."""
+        """Raise a TypeError if the library lacks the precision that `what` needs."""
         wanted = np.dtype(dtype).name
         if wanted not in self.xp.__array_namespace_info__().dtypes():
             raise TypeError(
@@ -106,11 +106,11 @@ class Plain:
             )
 
     def conj(self, array: Any) -> Any:
-        """Return the complex conjugate of numbers, themselves where they are real."""
+        """Return the complex conjugate of an array, which is the array itself if it is real."""
         return self.xp.conj(array) if self.dtype(array).kind == "c" else array
 
     def real(self, array: Any) -> Any:
-        """Return the real part of numbers, themselves where they are real."""
+        """Return the real part of an array, which is the array itself if it is real."""
         return self.xp.real(array) if self.dtype(array).kind == "c" else array
 
     def arange(self, n: int) -> Any:
@@ -122,46 +122,46 @@ class Plain:
         return float(self.xp.sum(array, dtype=self.native(np.float64)))
 
     def sizes(self, array: Any) -> Any:
-        """Return the sizes of numbers; of a complex one the sum of those of its parts."""
+        """Return absolute values; for complex numbers |Re| + |Im|."""
         if self.dtype(array).kind == "c":
             return self.sizes(self.xp.real(array)) + self.sizes(self.xp.imag(array))
         return self.xp.abs(array)
 
     def replace_part(self, array: Any, index: Any, values: Any) -> Any:
-        """Return an array with some numbers replaced: itself, unless no array can be changed."""
+        """Return an array with some entries replaced, in place unless arrays are immutable."""
         if compat.is_jax_array(array):
             return array.at[index].set(values)
         array[index] = values
         return array
 
     def number(self, factor: Any) -> Any:
-        """Return a number that an array may be multiplied with: Python's."""
+        """Return a factor as a Python number, by which arrays of any library can be multiplied."""
         return np.asarray(factor).item()
 
     def keep(self, array: Any) -> Any:
-        """Return an array as it is: nobody changes it, and it need not be in one piece."""
+        """Return the array itself: it is not changed and need not be contiguous."""
         return array
 
     copy = keep
 
     def to_numpy(self, array: Any) -> Array:
-        """Return an array of NumPy's, in the memory of the processor."""
+        """Return the array as a NumPy array in CPU memory."""
         if compat.is_jax_array(array):
             return np.asarray(array)
         on_host = compat.is_cupy_array(array) or compat.is_torch_array(array)
         return np.from_dlpack(compat.to_device(array, "cpu") if on_host else array)
 
     def from_numpy(self, array: Array) -> Any:
-        """Return NumPy's array as one of this library, on its device."""
-        array = array if array.flags.writeable else array.copy()  # torch would warn.
+        """Return a NumPy array as an array of this library, on its device."""
+        array = array if array.flags.writeable else array.copy()  # torch warns if read-only.
         return self.xp.asarray(array, dtype=self.native(array.dtype), device=self.device)
 
     def multiplication(self, a: Any) -> MultilevelProduct:
-        """Make the product with the matrix of some `Coefficients`, which takes a transform."""
+        """Return the product with the matrix of some `Coefficients`; this takes a transform."""
         return MultilevelProduct.of(self, [[a]], a.dtype)
 
     def multiply_rows(self, product: Any, X: Any, out: Any = None) -> Any:
-        """Multiply rows as `products.multiply_rows` does; of `out` the dtype alone matters."""
+        """Return the products with rows (see `products.multiply_rows`), in the dtype of `out`."""
         xp, given = self.xp, self.dtype(X)
         dtype = np.result_type(given, product.dtype) if out is None else self.dtype(out)
         if given.kind == "c" != product.dtype.kind:
@@ -172,14 +172,14 @@ class Plain:
         if product.dtype.char not in "fF" or given.char not in "dD" or not rows.shape[0]:
             Y = product.multiply(self.cast(rows, product.dtype), None)
             return self.cast(xp.reshape(Y, X.shape), dtype)
-        # Single precision has not the range of double precision.
+        # Scale rows, as single precision has a smaller range than double precision.
         peaks = xp.max(self.sizes(rows), axis=1, keepdims=True)
         peaks = xp.where((peaks > 0.0) & (peaks < inf), peaks, xp.ones_like(peaks))
         Y = product.multiply(self.cast(rows / peaks, product.dtype), None)
         return self.cast(xp.reshape(self.cast(Y, dtype) * peaks, X.shape), dtype)
 
     def pad(self, array: Any, shape: tuple[int, ...]) -> Any:
-        """Extend an array by zeros behind its last axes."""
+        """Return an array whose last axes are extended by zeros to a shape."""
         for axis, length in enumerate(shape, array.ndim - len(shape)):
             if array.shape[axis] < length:
                 behind = zeros(self, array, axis, length - array.shape[axis])
@@ -187,45 +187,45 @@ class Plain:
         return array
 
     def enlarge(self, array: Any, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
-        """Extend an array by zeros behind its last axes, in another precision."""
+        """Return an array whose last axes are extended by zeros, in another precision."""
         return self.pad(self.cast(array, dtype), shape)
 
     def cells(self, index: Array, size: int) -> tuple[Any, Any]:
-        """Prepare the unknowns of a mask, by their positions among the points of the grid."""
+        """Return the `cells` of a mask for `extend` and `restrict`, from flat grid indices."""
         small = np.dtype(np.int32 if size < 2**31 else np.int64)
-        lookup = np.full(size, len(index), small)  # What is no unknown finds a zero at the end.
+        lookup = np.full(size, len(index), small)  # Other points look up a zero at the end.
         lookup[index] = np.arange(len(index))
         return self.from_numpy(index.astype(small)), self.from_numpy(lookup)
 
     def extend(self, X: Any, cells: tuple[Any, Any], out: Any) -> Any:
-        """Extend rows of unknowns to the grid, by zeros, in the precision of `out`."""
+        """Return rows of unknowns, extended by zeros to the grid, in the precision of `out`."""
         rows = self.xp.reshape(X, (prod(X.shape[:-1]), X.shape[-1]))
         rows = self.pad(self.xp.astype(rows, out.dtype, copy=False), (rows.shape[1] + 1,))
         return self.xp.take(rows, cells[1], axis=-1)
 
     def restrict(self, grid: Any, cells: tuple[Any, Any], out: Any) -> Any:
-        """Return the unknowns of rows on the grid, of the shape and the dtype of `out`."""
+        """Return the unknowns of rows on the grid, in the shape of `out`."""
         return self.xp.reshape(self.xp.take(grid, cells[0], axis=-1), out.shape)
 
     def replace(self, field: Any, cells: tuple[Any, Any], compute: Callable[[Any], Any]) -> Any:
-        """Return a field with what is computed from its unknowns in their place."""
+        """Return a field whose unknowns are replaced by the values computed from them."""
         xp, (index, lookup), n = self.xp, cells, cells[0].shape[0]
         x = xp.reshape(field, (-1,))
         y = xp.take(self.pad(compute(xp.take(x, index)), (n + 1,)), lookup)
         return xp.reshape(xp.where(lookup < n, y, x), field.shape)
 
     def each(self, multiply: Any, X: Any, out: Any) -> Any:
-        """Return the product with each row of X, of the dtype of `out`."""
+        """Return the products with each row of X, in the dtype of `out`."""
         rows = self.xp.reshape(X, (prod(X.shape[:-1]), X.shape[-1]))
         Y = self.xp.stack([multiply(rows[k, ...], None) for k in range(rows.shape[0])])
         return self.xp.astype(self.xp.reshape(Y, X.shape), out.dtype, copy=False)
 
     def join(self, parts: list[Any], out: Any) -> Any:
-        """Put the columns of some arrays side by side."""
+        """Return arrays joined along their last axis."""
         return self.xp.concat(parts, axis=-1)
 
     def allocate(self, X: Any, dtype: DTypeLike) -> Any:
-        """Return what has the shape and the dtype of the product with a matrix of a dtype."""
+        """Return an array with the shape and dtype of the product of X with a matrix."""
         return self.cast(X, np.result_type(self.dtype(X), dtype))
 
 
@@ -233,12 +233,12 @@ _LIBRARIES: dict[tuple[str, str], Plain] = {}
 
 
 class PlainVectors:
-    """Operations with vectors, of which each process has a part (see `engine.vectors`).
+    """Operations with vectors, which may be distributed over processes (see `engine.vectors`).
 
-    The squares of the numbers of a vector neither over- nor underflow.
+    Squares of the entries of a vector must neither overflow nor underflow.
     """
 
-    cuts_fields = False  # What has another size each time is compiled anew by some libraries.
+    cuts_fields = False  # Some libraries compile anew for each array size.
 
     def __init__(self, library: Plain, gather: Gather | None = None) -> None:
         self.library, self.xp, xp = library, library.xp, library.xp
@@ -253,7 +253,7 @@ class PlainVectors:
         self.sum: Callable[[Any], float] = lambda x: sum(self.gather(library.sum(x)))
         self.dot: Any = lambda x, y: self.sum(library.real(library.conj(x) * y))
         self.norm: Callable[[Any], float] = lambda x: sqrt(self.dot(x, x))
-        # These have memory for the result as their last argument, of which they take the precision.
+        # These ignore the memory in their last argument; `copy` takes its dtype from there.
         self.copy = lambda x, out: xp.astype(x, out.dtype, copy=True)
         self.divide = lambda x, a, out: x / a
         self.subtract = lambda x, y, out: x - y
@@ -262,7 +262,7 @@ class PlainVectors:
         self.elementwise = lambda function, *fields, out=None: function(*fields)
 
     def zeros(self, x: Any, dtype: DTypeLike | None = None) -> Any:
-        """Return a vector of zeros as long as another, in its precision or another one."""
+        """Return zeros in the shape of x and, by default, in its dtype."""
         return self.xp.zeros_like(x, dtype=x.dtype if dtype is None else self.library.native(dtype))
 
     def axpy(self, a: float, x: Any, y: Any) -> Any:
@@ -278,7 +278,7 @@ class PlainVectors:
 
 
 class PlainBasis:
-    """Vectors of a basis (see `engine.krylov_space.Basis`)."""
+    """The vectors of a basis (see `engine.krylov_space.Basis`)."""
 
     def __init__(self, like: Any, dtype: DTypeLike, most: int) -> None:
         self.library = Plain.of(like)
@@ -288,19 +288,19 @@ class PlainBasis:
         self.dtype = self.library.dtype(self._zero)
 
     def memory(self, k: int) -> Any:
-        """Return what has the shape and the dtype of a product."""
+        """Return an array with the shape and dtype of a product."""
         return self._zero
 
     def take(self, k: int, w: Any) -> Any:
-        """Return the vector, in the precision of the basis."""
+        """Return w in the precision of the basis."""
         return self.library.cast(w, self.dtype)
 
     def put(self, k: int, w: Any, size: float) -> None:
-        """Keep w divided by a number as the vector k; by infinity as zeros."""
+        """Store w / size as vector k; zeros if the size is infinite."""
         self.vectors[k:] = [self._zero if size == inf else w / size]
 
     def dots(self, k: int, w: Any) -> Array:
-        """Return the inner products of the first k vectors with another, by one transfer."""
+        """Return the inner products of the first k vectors with w, in one transfer to the host."""
         xp, conj = self.library.xp, self.library.conj
         double = np.result_type(self.dtype, np.float64)
         native = self.library.native(double)
@@ -308,7 +308,7 @@ class PlainBasis:
         return self.library.to_numpy(sums).astype(double)
 
     def add(self, weights: Array, w: Any) -> Any:
-        """Return w and the combination of the first vectors with these weights."""
+        """Return w plus the combination of the first vectors with these weights."""
         for a, v in zip(weights.tolist(), self.vectors, strict=False):
             w = w + a * v
         return w

@@ -1,4 +1,4 @@
-"""Cosine and sine transforms of arrays of any library, by its Fourier transforms.
+"""Cosine and sine transforms for arrays of any library, via its Fourier transforms.
 
 References
 ----------
@@ -22,16 +22,16 @@ def cosine_sums(library: Any, column: Any) -> Any:
 
 
 def _sum_cosines(library: Any, column: Any, axis: int) -> Any:
-    """Return the sums along an axis."""
+    """Return the sums of `cosine_sums` along an axis."""
     xp = library.xp
     inside = xp.flip(column[cut(axis, 1, column.shape[axis] - 1)], axis=axis)
     return xp.real(xp.fft.rfft(xp.concat([column, inside], axis=axis), axis=axis))
 
 
 def along(transform: Any, library: Any, a: Any, axes: Any, s: Any = None) -> Any:
-    """Return a transform of an array along some axes, half of the lines of a large one at a time.
+    """Return a transform of an array along some axes, in two halves if the array is large.
 
-    What a transform takes beside its result is several times as much.
+    Halves save memory: a transform needs several times as much as its result.
     """
     xp, given, last = library.xp, a, a.ndim - 1
     for axis in axes:
@@ -46,7 +46,7 @@ def along(transform: Any, library: Any, a: Any, axes: Any, s: Any = None) -> Any
 
 
 def dct(library: Any, a: Any, axis: int) -> Any:
-    """Return an orthonormal DCT-II, by a real transform of the same length."""
+    """Return an orthonormal DCT-II, via a real Fourier transform of the same length."""
     xp, n = library.xp, a.shape[axis]
     odd = xp.flip(a[cut(axis, 1, None, 2)], axis=axis)
     V = xp.fft.rfft(xp.concat([a[cut(axis, 0, None, 2)], odd], axis=axis), axis=axis)
@@ -56,7 +56,7 @@ def dct(library: Any, a: Any, axis: int) -> Any:
 
 
 def idct(library: Any, f: Any, axis: int) -> Any:
-    """Return its inverse."""
+    """Return the inverse of `dct`."""
     xp, n = library.xp, f.shape[axis]
     last = xp.flip(f[cut(axis, n - n // 2)], axis=axis)
     back = xp.concat([zeros(library, f, axis, 1), last], axis=axis)
@@ -69,7 +69,7 @@ def idct(library: Any, f: Any, axis: int) -> Any:
     if n % 2:
         odd = xp.concat([odd, zeros(library, f, axis, 1)], axis=axis)
     both = xp.stack([even, odd], axis=axis + 1)
-    # There may be no lines to transform: then a length of -1 would be any.
+    # The length is explicit: if there are no lines, -1 would be ambiguous.
     v = xp.reshape(both, (*f.shape[:axis], 2 * even.shape[axis], *f.shape[axis + 1 :]))
     return v[cut(axis, 0, n)]
 
@@ -80,7 +80,7 @@ def dst(library: Any, a: Any, axis: int) -> Any:
 
 
 def idst(library: Any, f: Any, axis: int) -> Any:
-    """Return its inverse."""
+    """Return the inverse of `dst`."""
     return idct(library, library.xp.flip(f, axis=axis), axis) * _signs(library, f, axis)
 
 
@@ -92,7 +92,7 @@ def _signs(library: Any, a: Any, axis: int) -> Any:
 
 
 def _turns(library: Any, n: int, dtype: Any, rest: int) -> Any:
-    """Return exp(-iπk/2n) for k = 0 ... n/2, times what makes the transform orthonormal."""
+    """Return exp(-iπk/2n) for k = 0 ... n/2, scaled so that the transform is orthonormal."""
     xp = library.xp
     turns = sqrt(2.0 / n) * phases(library, n // 2 + 1, pi / (2 * n), np.complex128)
     turns = xp.concat([turns[:1] * sqrt(0.5), turns[1:]])
@@ -100,13 +100,13 @@ def _turns(library: Any, n: int, dtype: Any, rest: int) -> Any:
 
 
 class PlainTransforms:
-    """A Fourier transform, and its inverse, which takes real numbers too (see `Transforms`)."""
+    """A Fourier transform and its inverse, which also takes real arrays (see `Transforms`)."""
 
     def __init__(self, library: Any, forward: Any, inverse: Any) -> None:
         self.library, self.forward, self._inverse = library, forward, inverse
 
     def __reduce__(self) -> Any:
-        # Functions of some libraries cannot be pickled: the library has them again.
+        # Functions of some libraries cannot be pickled: take them from the unpickled library.
         name = "fourier" if self.library.fourier is self else "complex_fourier"
         return getattr, (self.library, name)
 

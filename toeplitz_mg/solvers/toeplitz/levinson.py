@@ -1,9 +1,9 @@
-"""Recursions of n² steps: Levinson's for one system and for many small ones, and Trench's.
+"""Recursions with O(n²) operations: Levinson's for one or for many small systems, and Trench's.
 
-Levinson's is SciPy's. Many small systems at once, as frames of linear prediction are, take one
-recursion of NumPy. Trench's gives the first column and the first row of the inverse: it takes two
-thirds of the steps of Levinson's, as it solves for no right-hand side, and by the Gohberg-Semencul
-formula each of those costs O(n log n), and so does a correction.
+For one system, Levinson's recursion is SciPy's. For many small systems, such as frames in linear
+prediction, one recursion in NumPy solves all. Trench's recursion gives the first column and row of
+the inverse in two thirds of Levinson's operations. The Gohberg-Semencul formula then solves for a
+right-hand side, or corrects a solution, in O(n log n).
 
 References
 ----------
@@ -26,11 +26,11 @@ from toeplitz_mg.engine.vectors import PART
 from toeplitz_mg.solvers.toeplitz.sizes import LARGEST_AT_ONCE
 from toeplitz_mg.solvers.toeplitz.system import USUAL
 
-Recursion = Callable[[Array, Array], Any]  # From lags and b to x and something else.
+Recursion = Callable[[Array, Array], Any]  # Maps lags and b to (x, reflection coefficients).
 
 
 def levinson(lags: Array, B: Rows) -> Rows:
-    """Solve by Levinson's recursion, in n² steps for each right-hand side.
+    """Return the solution by Levinson's recursion, in O(n²) operations for each right-hand side.
 
     Parameters
     ----------
@@ -41,23 +41,23 @@ def levinson(lags: Array, B: Rows) -> Rows:
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a leading block is singular.
+        If a leading block is singular.
     """
     solve = recursion()
     if B.ndim == 1:
         return solve(lags, B)[0]
     X = np.empty_like(B)
-    for k, b in enumerate(B):  # In a small system `numpy.stack` would be felt.
+    for k, b in enumerate(B):  # `numpy.stack` would take a noticeable time in small systems.
         X[k] = solve(lags, b)[0]
     return X
 
 
 @cache
 def recursion() -> Recursion:
-    """Return the recursion that SciPy has compiled, if it still is what it was.
+    """Return SciPy's compiled recursion, or its public function if the private one has changed.
 
-    Its public function takes several times as long for some unknowns, to check its arguments. The
-    private one may change or vanish with any release, and then the public one is taken.
+    The public function checks its arguments, which takes several times as long in small systems.
+    The private one may change or disappear in any release, so that it is tested first.
     """
     lags, b = np.array([0.5, 1.0, 4.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0])
     try:
@@ -79,21 +79,21 @@ def _public(lags: Array, b: Array) -> tuple[Array, None]:
 
 
 def levinson_of_batch(C: Array, R: Array | None, B: Array) -> Array:
-    """Solve many systems at once; what has no solution is not finite.
+    """Return the solutions of many systems; a singular leading block gives non-finite numbers.
 
     Parameters
     ----------
     C : ndarray of shape (n, systems)
-        The first columns, as columns.
+        The first column of each matrix.
     R : ndarray of shape (n, systems), or None
         The first rows, whose first entries are ignored; None for Hermitian matrices.
     B : ndarray of shape (n, k, systems)
-        k right-hand sides of each.
+        k right-hand sides for each matrix.
     """
     n, systems = C.shape
     x = np.zeros(B.shape, np.result_type(C, C if R is None else R, B))
-    # The predictors: A f = (e, 0, …, 0) and A g = (0, …, 0, e) for the leading block. Of Hermitian
-    # matrices g is the conjugate of f in reverse.
+    # The predictors: A f = (e, 0, …, 0) and A g = (0, …, 0, e) for the leading block. If A is
+    # Hermitian, g is the reversed conjugate of f.
     f = np.zeros((n, systems), C.dtype)
     f[0] = 1.0
     g, before = f if R is None else f.copy(), f if R is None else f.copy()
@@ -120,15 +120,15 @@ def levinson_of_batch(C: Array, R: Array | None, B: Array) -> Array:
 
 
 class Solutions(NamedTuple):
-    """Solutions of systems, and how good they are.
+    """Solutions of systems, with residuals and backward errors.
 
     Attributes
     ----------
     x : ndarray of shape (systems, n, k)
     residuals, backward_errors : ndarray of shape (systems,)
-        The largest of all columns (see `SolveInfo`); not a number where there is no solution,
-        where the sizes of numbers are unusual, or where x is so large that its residual is
-        rounding.
+        The largest over all columns (see `SolveInfo`). A residual is NaN if there is no solution,
+        if norms are extremely large or small, or if x is so large that its residual is only
+        rounding error. A backward error is NaN if there is no solution.
     """
 
     x: Array
@@ -137,12 +137,12 @@ class Solutions(NamedTuple):
 
 
 def is_faster_at_once(systems: int, n: int) -> bool:
-    """Whether one recursion is faster than one for each: it takes some calls for each unknown."""
+    """Whether one recursion for all systems is faster; it has a call overhead for each unknown."""
     return n <= LARGEST_AT_ONCE and systems >= 2 * n
 
 
 def solve_at_once(c: Array, r: Array | None, b: Array) -> Solutions:
-    """Solve many systems by Levinson's recursion.
+    """Return the solutions of many systems by Levinson's recursion, with their errors.
 
     Parameters
     ----------
@@ -153,14 +153,14 @@ def solve_at_once(c: Array, r: Array | None, b: Array) -> Solutions:
     """
     x = np.empty(b.shape, np.result_type(c, c if r is None else r, b))
     residuals, backward_errors = np.empty((2, len(b)))
-    size = max(1, PIECE // b[0].size)  # So many stay in the cache.
+    size = max(1, PIECE // b[0].size)  # As many systems as stay in the cache.
 
     def turn(a: Array) -> Array:
         return np.ascontiguousarray(np.moveaxis(a[part], 0, -1))
 
     for start in range(0, len(b), size):
         part = slice(start, start + size)
-        # A step of the recursion is then one operation for all systems.
+        # With the systems on the last axis, each step is one operation for all of them.
         C, R, B = turn(c), None if r is None else turn(r), turn(b)
         y = levinson_of_batch(C, R, B)
         x[part] = np.moveaxis(y, -1, 0)
@@ -169,11 +169,11 @@ def solve_at_once(c: Array, r: Array | None, b: Array) -> Solutions:
 
 
 def _errors(c: Array, r: Array, x: Array, b: Array) -> tuple[Array, Array]:
-    """Return the residuals and the backward errors, shape (systems,), which is the last axis."""
+    """Return the residuals and the backward errors; systems are on the last axis."""
     n, systems = c.shape
     lags = np.concatenate([r[:0:-1], c])
     step, next_one = lags.strides
-    # A[i, j] is the lag i - j.
+    # A[i, j] is the coefficient with lag i - j.
     A = np.ndarray((n, n, systems), lags.dtype, lags, (n - 1) * step, (step, -step, next_one))
     rest = b - np.einsum("ijs,jks->iks", A, x)
     errors, of_x, of_b = (np.sqrt(np.einsum("nks,nks->ks", v, v.conj()).real) for v in (rest, x, b))
@@ -189,33 +189,33 @@ def _errors(c: Array, r: Array, x: Array, b: Array) -> tuple[Array, Array]:
 
 
 def column_and_row_of_inverse(c: Array, r: Array) -> tuple[Array, Array]:
-    """Return A⁻¹ e₁ and A⁻ᵀ e₁, in 2 n² steps, or 1.5 n² where r is c.
+    """Return A⁻¹ e₁ and A⁻ᵀ e₁, in 2 n² steps, or 1.5 n² if r is c.
 
-    For the leading block of m unknowns the recursion has f and g with A f = (e, 0, …, 0) and
-    A g = (0, …, 0, e), and f₀ = g_(m-1) = 1. Both are extended by a zero, and what that leaves in
-    the new row of A f, or A g, the other of them takes away.
+    For the leading block with m unknowns, the predictors f and g satisfy A f = (e, 0, …, 0),
+    A g = (0, …, 0, e) and f₀ = g_(m-1) = 1. A step extends both by a zero. A multiple of the other
+    predictor then cancels the entry that this leaves in A f or A g.
 
     Parameters
     ----------
     c, r : ndarray of shape (n,), float64 or complex128
-        First column and first row; the same array where A is known to be symmetric.
+        First column and first row; the same array if A is known to be symmetric.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        Where a leading block is singular.
+        If a leading block is singular.
     """
     n = len(c)
     names = ("dotu" if c.dtype.kind == "c" else "dot", "axpy", "copy")
     dot, axpy, copy = get_blas_funcs(names, dtype=c.dtype)
     reversed_c = np.ascontiguousarray(c[::-1])
     f, g, before = (np.zeros_like(c) for _ in range(3))
-    f[0] = g[n - 1] = 1.0  # g ends where its array does.
+    f[0] = g[n - 1] = 1.0  # g occupies the end of its array.
     e = c[0]
     for m in range(1, n):
         if e == 0.0:
             raise np.linalg.LinAlgError(f"the leading {m} × {m} block is singular")
-        if m == PART:  # Of longer vectors OpenBLAS makes threads.
+        if m == PART:  # For longer vectors OpenBLAS would start threads.
             dot, axpy = partial(_sum_of_pieces, dot), partial(_add_in_pieces, axpy)
         start = n - 1 - m
         below = dot(reversed_c, f, m, start, 1, 0, 1)
@@ -232,7 +232,7 @@ def column_and_row_of_inverse(c: Array, r: Array) -> tuple[Array, Array]:
 def _sum_of_pieces(
     dot: Any, x: Array, y: Array, size: int, i: int, di: int, j: int, dj: int
 ) -> Any:
-    """Return what `dot` of BLAS returns for these arguments."""
+    """Return the result of BLAS's `dot` for these arguments, computed piece by piece."""
     pieces = range(0, size, PART)
     return sum(dot(x, y, min(PART, size - k), i + k, di, j + k, dj) for k in pieces)
 
@@ -240,6 +240,6 @@ def _sum_of_pieces(
 def _add_in_pieces(
     axpy: Any, x: Array, y: Array, size: int, a: Any, i: int, di: int, j: int, dj: int
 ) -> None:
-    """Do what `axpy` of BLAS does for these arguments."""
+    """Update y as BLAS's `axpy` does for these arguments, piece by piece."""
     for k in range(0, size, PART):
         axpy(x, y, min(PART, size - k), a, i + k, di, j + k, dj)
