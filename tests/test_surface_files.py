@@ -140,7 +140,7 @@ def test_what_is_no_table_of_heights_is_offered_to_the_library(tmp_path):
     ("given", "message"),
     [
         ({"level": "cubic"}, "level is 'cubic', but must be one of mean, plane, quadratic"),
-        ({"channel": 1}, "channel is 1, but .* is a table of heights alone"),
+        ({"channel": 1}, "channel is 1, but .* contains heights only"),
         ({"unit": "yard"}, "unit is 'yard'"),
         ({"element": -1.0}, "element is -1.0, but its sizes must be positive"),
     ],

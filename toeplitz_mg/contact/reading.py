@@ -125,7 +125,7 @@ def read(
             scale = read_unit(agree_on_unit(str(path), found.unit, unit))
             periodic, is_table = found.periodic, False
     elif channel is not None:
-        raise ValueError(f"channel is {channel!r}, but {path} is a table of heights alone")
+        raise ValueError(f"channel is {channel!r}, but {path} contains heights only")
     if is_table and unit is None and ending.lower() in TEXT:
         said, doubt = _find_unit(path)
         scale = read_unit(said)[0], 1.0
@@ -171,8 +171,8 @@ def _read_heights(path: Path, is_text: bool | None = None) -> Array:
         )
     if heights.ndim == 2 and heights.shape[1] < FEWEST <= heights.shape[0]:
         raise ValueError(
-            f"{path} has {heights.shape[1]} columns, as positions beside heights, but must be a "
-            "table of heights alone"
+            f"{path} has {heights.shape[1]} columns, like positions beside heights, but must be a "
+            "table that contains heights only"
         )
     return numbers(str(path), heights)
 
@@ -198,7 +198,7 @@ def _ask_library(path: Path, channel: int | str | None, refused: Exception | Non
     except ImportError as error:
         raise refused or ValueError(
             f"reading {path} needs SurfaceTopography: pip install 'toeplitz-mg[surfaces]'; or "
-            f"give heights alone, as a file {', '.join(TABLES)} without lines that say sizes"
+            f"give heights only, as a file {', '.join(TABLES)} without lines that specify sizes"
         ) from error
     try:
         with open_file(path) as file:

@@ -72,7 +72,7 @@ def use_transforms(name: str | None = None) -> Any:
         raise ValueError(f"name is {name!r}, but must be one of {NAMES}")
     if name == "mkl" and not load():
         warnings.warn(
-            "MKL is not installed, or broken, so that transforms are those of SciPy: install it "
+            "MKL is not installed, or broken, so SciPy's transforms are used: install it "
             "with pip install 'toeplitz-mg[fast]'",
             stacklevel=2,
         )

@@ -151,7 +151,7 @@ def load() -> MKL | None:
         if not np.allclose(x, 0.5 + 0.5j * np.exp(-2j * np.pi / 3.0 * np.arange(3)), rtol=1e-13):
             raise RuntimeError("its transforms are wrong")
     except (OSError, AttributeError, RuntimeError) as error:
-        text = f"MKL ({max(paths)}) cannot be used ({error}): transforms are those of SciPy"
+        text = f"MKL ({max(paths)}) cannot be used ({error}): SciPy's transforms are used"
         warnings.warn(text, RuntimeWarning, stacklevel=2)
         return None
     return library

@@ -243,7 +243,7 @@ class Loads:
         if not share < 1.0:
             raise BeyondBound(
                 f"the loads together are {share:.4g} times what {bearer} carries in this "
-                "proportion: reduce the force or the moment, or give a creepage in the place of one"
+                "proportion: reduce the force or the moment, or give a creepage instead of one"
             )
 
     def check_beside(self, g: Array, b: Array, vectors: Vectors) -> None:

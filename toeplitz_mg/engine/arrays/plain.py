@@ -28,7 +28,7 @@ try:
     import array_api_compat as compat
 except ImportError as error:
     raise ImportError(
-        "arrays of other libraries than NumPy need array-api-compat: install toeplitz-mg[arrays]"
+        "arrays of libraries other than NumPy need array-api-compat: install toeplitz-mg[arrays]"
     ) from error
 
 LESS = {"float64": "float32", "complex128": "complex64"}  # Used if double precision is missing.
@@ -101,8 +101,8 @@ class Plain:
         wanted = np.dtype(dtype).name
         if wanted not in self.xp.__array_namespace_info__().dtypes():
             raise TypeError(
-                f"{what} needs {wanted}, but {self.name} has no double precision here: in JAX it "
-                'is jax.config.update("jax_enable_x64", True)'
+                f"{what} needs {wanted}, but {self.name} has no double precision here: in JAX, "
+                'enable it by jax.config.update("jax_enable_x64", True)'
             )
 
     def conj(self, array: Any) -> Any:

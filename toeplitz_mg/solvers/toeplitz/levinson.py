@@ -26,7 +26,7 @@ from toeplitz_mg.engine.vectors import PART
 from toeplitz_mg.solvers.toeplitz.sizes import LARGEST_AT_ONCE
 from toeplitz_mg.solvers.toeplitz.system import USUAL
 
-Recursion = Callable[[Array, Array], Any]  # Maps lags and b to (x, reflection coefficients).
+Recursion = Callable[[Array, Array], Any]  # Maps lags and b to x and a second, unused result.
 
 
 def levinson(lags: Array, B: Rows) -> Rows:
