@@ -7,7 +7,7 @@ import numpy as np
 from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.vectors import VECTORS, Vectors, power_above
 
-SAFE_SIZES = 1e-100, 1e100  # Numbers whose squares, quotients and sums neither over- nor underflow.
+SAFE_SIZES = 1e-100, 1e100  # If rᴴ M r is outside, M is scaled to avoid overflow and underflow.
 
 
 class ConjugateGradients:

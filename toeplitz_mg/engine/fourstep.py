@@ -1,4 +1,4 @@
-"""The four-step transform: long complex transforms in panels that fit the cache.
+"""The four-step method for long complex transforms, in panels that fit the cache.
 
 With the vector as an N₁ × N₂ matrix x[j₁, j₂] in C order, a transform of length L = N₁ N₂ is
 

@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike
 from toeplitz_mg._typing import Array, Multiply
 from toeplitz_mg.engine.vectors import add_combination, dots, norm
 
-CANCELLED = 0.5  # Orthogonalisation is repeated while it reduces the norm by more than this factor.
+CANCELLED = 0.5  # Orthogonalisation is repeated if it leaves less than this part of the norm.
 ROUNDING = 10.0  # Machine epsilons of relative norm below which a new vector is only rounding.
 
 
@@ -155,7 +155,7 @@ class Basis:
             np.divide(w, size, out=self.vectors[k])
 
     def dots(self, k: int, w: Array) -> Array:
-        """Return the inner products of the first k vectors with another."""
+        """Return the inner products of the first k vectors with w."""
         return dots(self._rows[:k], w.reshape(-1))
 
     def add(self, weights: Array, w: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Products with Toeplitz matrices of several axes, whose entries may be small matrices.
+"""Products with Toeplitz matrices on several axes, whose entries may be small matrices.
 
 Each line along the last axis is transformed as in `products.ToeplitzProduct`, at the frequencies
 k + 1/4, without an extension by zeros. For each frequency, a Toeplitz matrix on the other axes

@@ -185,7 +185,7 @@ class ToeplitzProduct:
 def _spectra(
     column: Array, row: Array, dtype: np.dtype[Any], plan: OneStep | FourStep
 ) -> tuple[Array, ...]:
-    """Return the eigenvalues of the embedding of a Toeplitz matrix, as the plan needs them."""
+    """Return the eigenvalues of the embedding of a Toeplitz matrix, in the form for the plan."""
     n = len(column)
     plan, prepare = plan.astype("D"), plan.eigenvalues
     count_transforms(1, 2 * plan.length)
@@ -225,7 +225,7 @@ FOURIER = Transforms(fourier.rfftn, fourier.irfftn)
 COMPLEX_FOURIER = Transforms(fourier.fftn, fourier.ifftn)
 COSINE = Transforms(*[partial(f, norm="ortho") for f in (fourier.dctn, fourier.idctn)])
 SINE = Transforms(*[partial(f, norm="ortho") for f in (fourier.dstn, fourier.idstn)])
-TAU = Transforms(*[partial(fourier.dstn, type=1, norm="ortho")] * 2)  # It is its own inverse.
+TAU = Transforms(*[partial(fourier.dstn, type=1, norm="ortho")] * 2)  # DST-I is its own inverse.
 
 
 class DiagonalisedProduct:
@@ -289,7 +289,7 @@ class DiagonalisedProduct:
         return float(np.linalg.norm(self.spectrum, axis=(0, 1)).max())
 
     def adjoint(self) -> "DiagonalisedProduct":
-        """Return the multiplication by the conjugate transpose of a circulant."""
+        """Return the multiplication by the conjugate transpose; for circulants only."""
         is_coupled = self.grid_shape != self._grid
         return self._like(
             self.spectrum.conj().swapaxes(0, 1) if is_coupled else self.spectrum.conj(), self.dtype

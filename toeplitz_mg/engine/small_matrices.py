@@ -10,7 +10,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 
 from toeplitz_mg._typing import Array
 
-BLOCK = 64  # Rows of the blocks of a matrix.
+BLOCK = 64  # Rows and columns of a block of the matrix in `factorise`.
 MOST = BLOCK**3  # Most multiplications in a matrix product that OpenBLAS does on one thread.
 
 

@@ -69,7 +69,7 @@ def share(work: Work, count: int, points: int) -> None:
         while rest:
             try:
                 part = rest.pop()
-            except IndexError:  # Another thread was quicker.
+            except IndexError:  # Another thread has taken the last piece.
                 return
             work(part)
 
@@ -110,7 +110,7 @@ def chosen_backends() -> Callable[[], AbstractContextManager[None]] | None:
 
 
 def is_backend_set() -> bool:
-    """Whether a backend of `scipy.fft` is set, for this thread or globally, or may be set."""
+    """Whether a backend of `scipy.fft` is set, for this thread or globally; True if unknown."""
     try:
         of_all, of_thread, _ = uarray.get_state()._pickle()
         default = of_all[DOMAIN][0][0]

@@ -153,7 +153,7 @@ def add_combination(weights: Array, X: Array, y: Array) -> None:
 
 def _require_contiguous(y: Array) -> None:
     if not y.flags.c_contiguous:
-        raise ValueError("y is not C-contiguous, but must be to be changed in place: copy it")
+        raise ValueError("y is not C-contiguous, but must be for an update in place: use a copy")
 
 
 def power_above(size: Any) -> Any:

@@ -122,7 +122,7 @@ class PlainDiagonalised:
         return self.library.xp.moveaxis(spectrum, 0, 1) if self._components else spectrum
 
     def adjoint(self) -> "PlainDiagonalised":
-        """Return the multiplication by the conjugate transpose of a circulant."""
+        """Return the multiplication by the conjugate transpose; for circulants only."""
         spectrum = self.library.conj(self._flipped(self.spectrum))
         shapes = self.fft_shape, self.grid_shape
         return PlainDiagonalised(self.library, spectrum, *shapes, self.dtype, self.transforms)

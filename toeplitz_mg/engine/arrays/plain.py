@@ -35,7 +35,7 @@ LESS = {"float64": "float32", "complex128": "complex64"}  # Used if double preci
 
 
 class Plain:
-    """The library of some arrays, on one device (see `library.NumPy`)."""
+    """An array library on one device, with the interface of `library.NumPy`."""
 
     def __init__(self, xp: Any, device: Any) -> None:
         self.xp, self.fft, self.device = xp, xp.fft, device
