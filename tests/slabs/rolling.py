@@ -137,7 +137,7 @@ def test_steps_are_refused_by_all(comm):
         )
 
     refuses(comm, ValueError, "steps is 0", steps(steps=0))
-    refuses(comm, ValueError, "less than the traction bound", steps(steps=1, force=(1e9, None)))
+    refuses(comm, ValueError, "the most that friction carries", steps(steps=1, force=(1e9, None)))
     if last:
         wrong = steps(steps=1 + (comm.rank == last))
         refuses(comm, ValueError, f"steps is 1 on rank 0 and 2 on rank {last}", wrong)
