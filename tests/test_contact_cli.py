@@ -378,7 +378,7 @@ def test_a_line_scan_of_the_library_is_pressed(tmp_path, capsys):
         (["hertz", "--periodic"], "--periodic is for rough, not hertz"),
         (["rough", "OTHER", "--force", "1"], "needs SurfaceTopography: pip install"),
         (["rough", "HEADED", "--force", "1"], "needs SurfaceTopography: pip install"),
-        (["rough", "POINTS", "--force", "1", "--element", "1"], "3 columns, as positions beside"),
+        (["rough", "POINTS", "--force", "1", "--element", "1"], "3 columns, like positions"),
         (["rough", "WORDS", "--force", "1", "--element", "1"], "is not a table of numbers"),
         (["rough", "WORDS", "--force", "1", "--element", "1"], "write nan for a missing height"),
         (["rough", "LINE", "--approach", "1", "--element", "1"], "only known up to a constant"),

@@ -185,7 +185,7 @@ def damaged(path, result, about=None, **arrays):
         ({"pressure": np.full((48, 32), "a")}, "pressure is of type <U1, but must be of float64"),
         ({"pressure": 1j * np.ones((48, 32))}, "pressure is of type complex128"),
         ({"pressure": np.full((48, 32), np.nan)}, "pressure has nan, but must be finite"),
-        ({"pressure": 2.0 * PRESSED.pressure}, "force is 0.1, but must be the sum of pressure"),
+        ({"pressure": 2.0 * PRESSED.pressure}, "must be the sum of pressure over the elements"),
         ({"contact": PRESSED.pressure}, "contact is of type float64, but must be of bool"),
         ({"x": PRESSED.x**3}, "centres must be about zero, and along x 0.0416.* mm apart"),
         ({"about": {"approach": np.nan}}, "approach has nan"),
