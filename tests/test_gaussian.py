@@ -299,8 +299,8 @@ def test_a_field_with_gaps_is_kriged_as_by_the_dense_matrix(share):
 @pytest.mark.parametrize(
     ("shape", "reason"),
     [
-        ((600, 500), "the log-determinant is known exactly only of up to .*Whittle"),
-        ((300_000,), r"known exactly only of up to \d+ .*at most \d+ are missing"),
+        ((600, 500), "the log-determinant is known exactly only for up to .*Whittle"),
+        ((300_000,), r"known exactly only for up to \d+ .*at most \d+ are missing"),
     ],
 )
 def test_of_more_than_the_memory_holds_there_is_all_but_a_density(shape, reason):

@@ -372,7 +372,7 @@ class Many(Scattered):
             beyond = f"or where at most {MOST} are missing, and not {self.mask.size - observed}"
         raise ValueError(
             f"{observed} of {self.mask.size} points are observed, but the log-determinant is known "
-            f"exactly only of up to {largest_dense()} on this machine, whose dense matrix takes a "
+            f"exactly only for up to {largest_dense()} on this machine, whose dense matrix takes a "
             f"quarter of its memory; {beyond}; conditional needs none"
         )
 
