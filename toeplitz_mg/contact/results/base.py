@@ -185,6 +185,7 @@ class GridResult(Result):
         yield Rule("shape", few, "of as many axes as centres, and no more than element")
         lengths = tuple(map(len, self.centres))
         yield Rule("centres", lengths == self.shape, f"those of {self.shape} elements")
+        yield Rule("element", all(size > 0.0 for size in h), "positive")
         yield from consistency.check_centres(self.centres, h)
         for name in ("products", "work", "residual"):
             yield Rule(name, getattr(self, name) >= 0.0, "at least zero")

@@ -31,7 +31,7 @@ class Quantity:
     kind : str
         The `kind` of its dtype: "f" for real numbers, "b" for booleans, "i" for integers.
     beyond : str
-        Special values it may have: "inf" for infinity, "nan" for infinity and NaN.
+        Special values it may have: "inf" for infinity, "nan" for NaN.
     label : str
         Its label in summaries and pictures; by default the name of the field.
     shades : str
