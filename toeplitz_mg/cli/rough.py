@@ -71,10 +71,9 @@ class Rough:
 
     def press(self, progress: Progress) -> NormalResult:
         """Press the surface on the flat."""
-        names = "force", "approach", "pressure", "material", "hardness", "tolerance"
-        load: dict[str, Any] = {name: getattr(self.options, name) for name in names}
-        repeats = True if self.options.periodic else None
-        return normal_contact(heights=self.surface, periodic=repeats, **load, progress=progress)
+        names = "force", "approach", "pressure", "material", "hardness", "tolerance", "periodic"
+        given: dict[str, Any] = {name: getattr(self.options, name) for name in names}
+        return normal_contact(heights=self.surface, **given, progress=progress)
 
 
 def _one_or_two(values: Any) -> Any:
