@@ -160,11 +160,10 @@ def arfima(
 ) -> tuple[Array, Derivatives]:
     """Return n covariances of ARFIMA with innovations of variance 1, and derivatives.
 
-    With g = θ(B) θ(B⁻¹) f and the covariances f of fractional differences they are even and
-    solve φ(B) γ = w, φ(B⁻¹) w = g. The recursion for w runs backwards from the lags m, …, m + p,
-    where w is an integral, as f_k = sin(πd)/π ∫ tᵏ⁺ᵈ⁻¹ (1 - t)⁻²ᵈ dt, 0 < t < 1: in it θ(B) θ(B⁻¹)
-    and φ(B⁻¹) are the factors θ(t) θ(1/t) and 1/φ(t). It is summed by the trapezoidal rule in
-    log s, t = exp(-s).
+    Let f be the covariances of fractional differences, and g = θ(B) θ(B⁻¹) f. The covariances γ are
+    even and solve φ(B) γ = w, φ(B⁻¹) w = g. The recursion for w runs backwards from the lags m, …,
+    m + p, where w is the integral f_k = sin(πd)/π ∫ tᵏ⁺ᵈ⁻¹ (1 - t)⁻²ᵈ dt, 0 < t < 1, with a factor
+    θ(t) θ(1/t)/φ(t) of the integrand. The trapezoidal rule in log s, t = exp(-s), evaluates it.
     """
     p, q = len(ar), len(ma)
     m = max(n, p + 1, q + 2)
@@ -196,7 +195,7 @@ def arfima(
 def solve_even(n: int, ar: Sequence[float], right: Derivatives) -> tuple[Array, Derivatives]:
     """Return γ_k = Σ φ_j γ_|k-j| + right_k, k = 0, …, n - 1, and derivatives.
 
-    p + 1 equations give the first ones, then it is a recursion. Derivatives are of the same form.
+    p + 1 equations give the first ones, a recursion the others. Derivatives have the same form.
     """
     p, size = len(ar), len(right[""])
     many = max(n, size)

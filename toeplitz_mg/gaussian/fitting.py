@@ -296,13 +296,9 @@ def fit_normal(
     if method not in METHODS:
         raise ValueError(f"method is {method!r}, but must be one of {METHODS}")
     if not isinstance(covariance, Covariance):
-        is_class = isinstance(covariance, type) and issubclass(covariance, Covariance)
-        what = (
-            f"the class {covariance.__name__}"
-            if is_class
-            else f"of type {type(covariance).__name__}"
-        )
-        use = f"use {covariance.__name__}()" if is_class else "Custom is for a function of lags"
+        what, use = f"of type {type(covariance).__name__}", "Custom is for a function of lags"
+        if isinstance(covariance, type) and issubclass(covariance, Covariance):
+            what, use = f"the class {covariance.__name__}", f"use {covariance.__name__}()"
         raise TypeError(
             f"covariance is {what}, but must be an object of toeplitz_mg.covariances: {use}"
         )
@@ -319,19 +315,9 @@ def fit_normal(
     data, R, start = _arrange(labels.values, model, p, method == "reml")
     search = Search(data, covariance, model.spacing, count("maxiter", maxiter))
     best = search.best
-    inverse = np.linalg.inv(best.factor.T @ R)
     params = np.append(search.theta, start + np.linalg.solve(R, best.coefficients))
-    errors = np.full((len(params), len(params)), np.nan)
-    errors[:p, p:] = errors[p:, :p] = 0.0
-    errors[p:, p:] = inverse @ inverse.T
-    at_bounds, is_known = tuple(np.asarray(covariance.names, dtype=object)[search.at_bound]), True
-    if not search.flat.all():
-        slopes = search.slopes[:, ~search.flat]  # By what is not at a bound.
-        information = slopes.T @ best.information @ slopes
-        is_known = not find_dependent(information).any()
-        inside = np.ix_(*2 * [np.flatnonzero(~search.at_bound)])
-        known = slopes @ np.linalg.inv(information) @ slopes.T if is_known else errors[:p, :p]
-        errors[inside] = known[inside]
+    errors, is_known = _errors(search, best, R)
+    at_bounds = tuple(np.asarray(covariance.names, dtype=object)[search.at_bound])
     _warn(search, best, at_bounds, is_known)
     trend = params[p:] @ model.rows(shape)
     fitted = covariance.with_theta(search.theta)
@@ -393,6 +379,23 @@ def _arrange(
         raise ValueError("y is a combination of the regressors, and has no variance to estimate")
     R = R * sizes
     return Data(residual, rows, mask, restricted), R, np.linalg.solve(R, start)
+
+
+def _errors(search: Search, best: Point, R: Array) -> tuple[Array, bool]:
+    """Return the covariance matrix of the estimates, and whether they are identifiable."""
+    p, inverse = len(search.u), np.linalg.inv(best.factor.T @ R)
+    errors = np.full((p + len(R), p + len(R)), np.nan)
+    errors[:p, p:] = errors[p:, :p] = 0.0
+    errors[p:, p:] = inverse @ inverse.T
+    if search.flat.all():
+        return errors, True
+    slopes = search.slopes[:, ~search.flat]  # By what is not at a bound.
+    information = slopes.T @ best.information @ slopes
+    if find_dependent(information).any():
+        return errors, False
+    inside = np.ix_(*2 * [np.flatnonzero(~search.at_bound)])
+    errors[inside] = (slopes @ np.linalg.inv(information) @ slopes.T)[inside]
+    return errors, True
 
 
 def _warn(search: Search, best: Point, at_bounds: tuple[str, ...], is_known: bool) -> None:

@@ -131,8 +131,8 @@ def embed_in_circulant(c: Array) -> Embedding | None:
 def embed_by_column(c: Array, x: Array) -> Embedding | None:
     """Extend a covariance by the autoregressive process of x = A⁻¹ e₁, if that decays.
 
-    Its spectral density x₀/|x(z)|² (Bernstein and Szegő) is positive, and its covariances up to n -
-    1 are those of A. Making it periodic adds to them the covariances one period away.
+    Its spectral density x₀/|x(z)|² (Bernstein and Szegő) is positive, and its first n covariances
+    are those of A. Making it periodic adds to them the covariances one period away.
     """
     n = len(c)
     for samples in SAMPLES:

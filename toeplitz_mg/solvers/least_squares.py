@@ -196,16 +196,13 @@ class _NormalEquations:
         self._is_dual = M is None and not N.is_toeplitz and dual.is_toeplitz
         self._matrix: Any = dual if self._is_dual else N
         self.method, self._M, self._c = "conjugate gradients", M, None
-        if not self._matrix.is_toeplitz:
-            self._M = precondition(self._matrix) if M is None else M
-            return
-        self.method = "Toeplitz " + ("dual equations" if self._is_dual else "normal equations")
-        T = ToeplitzOperator.from_lags(self._matrix.lags)
-        self._matrix = T
-        if len(T.squeezed.grid_shape) == 1 and M is None:
-            self._c = T.squeezed.c
-        elif M is None:
-            self._M = precondition(T)
+        if self._matrix.is_toeplitz:
+            self.method = "Toeplitz " + ("dual equations" if self._is_dual else "normal equations")
+            self._matrix = ToeplitzOperator.from_lags(self._matrix.lags)
+            if len(self._matrix.squeezed.grid_shape) == 1 and M is None:
+                self._c = self._matrix.squeezed.c
+        if M is None and self._c is None:
+            self._M = precondition(self._matrix)
 
     def solve(self, b: Array, rtol: float) -> tuple[Array, tuple[int, float, float]]:
         """Return x, the number of iterations, ‖b - A x‖ and the error."""
@@ -241,10 +238,8 @@ class _NormalEquations:
     def _correct(self, g: Array, rtol: float, maxiter: int) -> tuple[Array, int]:
         """Return the solution for a right-hand side, and the number of iterations."""
         if self._c is not None:
-            with suppress(np.linalg.LinAlgError), warnings.catch_warnings():
-                warnings.simplefilter(
-                    "ignore", LinAlgWarning
-                )  # Errors are corrected or reported later.
+            quiet = warnings.catch_warnings(action="ignore", category=LinAlgWarning)
+            with suppress(np.linalg.LinAlgError), quiet:  # Errors are corrected or reported later.
                 return solve_toeplitz(self._c, g), 1
         residuals: list[float] = []
         x, _ = cg(self._matrix, g, rtol=rtol / 2, maxiter=maxiter, M=self._M, residuals=residuals)
