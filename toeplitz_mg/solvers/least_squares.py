@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from toeplitz_mg._typing import Array
 from toeplitz_mg.engine.conjugate_gradients import SAFE_SIZES
-from toeplitz_mg.engine.vectors import norm
+from toeplitz_mg.engine.vectors import norm, power_above
 from toeplitz_mg.operators import ToeplitzOperator
 from toeplitz_mg.operators.base import require_numpy
 from toeplitz_mg.operators.composed import DiagonalisedOperator
@@ -182,7 +182,7 @@ def toeplitz_lstsq(
 
 def _size(a: Array) -> float:
     """Return a power of two above the largest absolute value; 1 if all numbers are zero."""
-    return float(np.ldexp(1.0, int(np.frexp(np.abs(a).max(initial=0.0))[1])))
+    return 2.0 ** int(power_above(np.abs(a).max(initial=0.0)))
 
 
 class _NormalEquations:
