@@ -143,8 +143,7 @@ class Basis:
 
     def take(self, k: int, w: Array) -> Array:
         """Return vector k, after copying w to it."""
-        if w is not self.vectors[k]:
-            self.vectors[k][...] = w
+        self.vectors[k] = w
         return self.vectors[k]
 
     def put(self, k: int, w: Array, size: float) -> None:
