@@ -169,9 +169,10 @@ class ToeplitzNormal:
         Notes
         -----
         The coefficients of the mean are generalised least squares estimates. The covariance
-        parameters (their logarithms, if they have a bound) are found by `scipy.optimize.minimize`
-        with a trust region, exact gradients, and the average information of AI-REML as curvature.
-        Standard errors are from the exact Fisher information.
+        parameters are found by `scipy.optimize.minimize` with a trust region and exact gradients;
+        those with a bound by their logarithms, several `ar` or `ma` coefficients by their
+        reflection coefficients. The curvature is the average information of AI-REML, in long
+        searches differences of gradients. Standard errors are from the exact Fisher information.
 
         Examples
         --------
